@@ -18,7 +18,7 @@ from lab.experiments.running.provenance import FILE_NAME
 from lab.thesis import PAGE, filled
 from serd_bag.files import atomic_write_bytes, read_bytes, read_text
 from serd_cli.errors import FAILED
-from serd_files.yaml_text import read_yaml, write_yaml
+from serd_files.yaml_config import read_yaml, write_yaml
 
 #: Where the documents show them; below the root, as `RESULTS`.
 DOCUMENTS = Path("docs/results")

@@ -1,20 +1,8 @@
-"""Files that belong together, and files that change."""
+"""Whether files are the same, and whether they have changed."""
 
 from collections.abc import Iterable
 from os.path import realpath
 from pathlib import Path
-
-from serd_bag.errors import FileError
-
-
-def require_beside(owner: Path, *needed: Path) -> None:
-    """FileError where a file is not there that is written together with another."""
-    for path in needed:
-        if not path.exists():
-            raise FileError(
-                f"{owner}: {path.name}, which is written with it, must be beside it; move it there,"
-                " or make both again"
-            )
 
 
 def shared_file(written: Iterable[Path], others: Iterable[str | Path]) -> Path | None:

@@ -1,140 +1,57 @@
-"""Names of version 0.2.0 that left or moved, and where to; version 0.4.0 forgets them."""
+"""Names of version 0.3.0 that left or moved, and where to; version 0.5.0 forgets them."""
 
-from collections.abc import Callable, Iterable
-from typing import Any, Literal
+from collections.abc import Iterable
+from typing import Literal
 
 from serd_bag.nearest import hint
 
 Kind = Literal["command", "option", "parameter", "executable", "key"]
 
-_LAB = "it is run by the authors now, from a checkout: python -m lab"
-_NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
-_TYPES = "types of experts have left; learn from the recordings of each type apart"
-_ROBOTS = (
-    "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
+_PAGE = (
+    "serd teleop and serd demo always have their page, which has the keys, also from another"
+    " machine (--address)"
 )
-_PROCESSES = "each node has a process of its own, and a lock-step stack takes twice the time"
-_KEYBOARD = (
-    "the page of serd teleop has the keys, also from another machine (--address), and any publisher"
-    " of cmd_vel_teleop drives, as teleop_twist_keyboard (docs/how_to/drive_by_hand.md)"
-)
-_WALL = "every obstacle is a wall now; delete the key"
-
 _EVENTS = (
     "a decision ends where the robot enters another cell, or after patience_s (docs/scenarios.md)"
 )
-
 _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
 
-_REPLAY = "a replay plays a bag once, from --start to its end"
 _LEFT: dict[tuple[Kind, str], str] = {
-    ("command", "experiment"): f"{_LAB} lists what there is",
-    ("command", "study"): f"{_LAB} lists what there is",
-    ("command", "faults"): f"{_LAB} faults",
-    ("command", "crowd"): f"{_LAB} crowd",
-    ("command", "compare"): (
-        "the report scores trajectories: serd report MODEL --demonstrations FILE (docs/compare.md)"
-    ),
     ("command", "episode"): "serd scenario film drives one episode and draws it",
-    ("option", "--density"): _NO_GAIN,
-    ("option", "--experts"): _TYPES,
-    ("option", "--same-expert"): _TYPES,
-    ("option", "--expert"): _TYPES,
-    ("option", "--lerobot"): "the export as a LeRobot dataset has left; leave it out",
-    ("executable", "composed"): _PROCESSES,
     ("option", "--period-s"): f"{_EVENTS}; leave it out",
     ("option", "--lookahead"): f"{_WAYPOINT}; leave it out",
     ("option", "--times"): f"{_DWELL_TIMES}; leave it out",
-    ("option", "--keyboard"): _KEYBOARD,
-    ("option", "--no-page"): f"serd teleop and serd demo always have their page; {_KEYBOARD}",
-    ("option", "--page"): "serd teleop and serd demo always have their page; leave the option out",
-    ("option", "--list"): "serd launch lists the stacks where no name follows",
-    ("option", "--resume"): "serd demo takes two minutes; start it again",
-    ("option", "--ros"): "serd demo and 'serd launch navigate model:=MODEL' drive through ROS 2",
-    ("option", "--loop"): _REPLAY,
-    ("option", "--paused"): _REPLAY,
-    ("option", "--duration"): _REPLAY,
-    ("option", "--wait"): _REPLAY,
-    ("option", "--no-clock"): f"{_REPLAY}, with the /clock that was recorded",
-    ("option", "--episode"): "a film shows the first episode of its --seed; leave it out",
+    ("option", "--no-page"): _PAGE,
+    ("option", "--page"): _PAGE,
+    ("option", "--list"): "serd launch and serd run list what there is where no name follows",
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
-    ("executable", "teleop_keyboard"): _KEYBOARD,
-    ("executable", "foxglove_server"): (
-        "Foxglove opens recordings by itself, and foxglove_bridge of ROS shows a running stack"
-    ),
+    ("option", "--inverse-temperature"): "serd_core.fit_policy_matching has it",
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
-    ("parameter", "composed"): f"{_PROCESSES}; leave it out",
-    ("parameter", "robots"): _ROBOTS,
-    ("parameter", "expert"): _TYPES,
-    ("parameter", "keys"): f"{_REPLAY}; leave it out",
-    ("parameter", "loop"): f"{_REPLAY}; leave it out",
-    ("parameter", "paused"): f"{_REPLAY}; leave it out",
-    ("parameter", "duration_s"): f"{_REPLAY}; leave it out",
-    ("parameter", "wait_s"): f"{_REPLAY}; leave it out",
-    ("parameter", "clock_hz"): f"{_REPLAY}, with the /clock that was recorded; leave it out",
-    ("parameter", "exit_with_publishers"): (
-        "a learner of topics learns until it is ended; 'serd launch learn bag:=BAG' learns from a"
-        " recording and ends"
-    ),
-    ("parameter", "exit_when_done"): "bag_replay, and learner with a bag, end when they are done",
-    ("parameter", "record_at_start"): (
-        "demo_recorder records from its start to its end; with managed:=true from activation to"
-        " deactivation"
-    ),
-    ("parameter", "actions"): "'serd demos --actions hidden' makes decisions of poses alone",
-    ("parameter", "behavior_tree"): "Nav2 has its default behavior tree in its own parameters",
-    ("parameter", "maximum_file_mb"): "a bag is one file; leave it out",
-    ("parameter", "compression"): "'serd bag convert BAG --compression zstd' compresses a bag",
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
     ),
     ("key", "period_s"): f"{_EVENTS}; delete the key",
     ("key", "lookahead_cells"): f"{_WAYPOINT}; delete the key",
     ("key", "patience_periods"): "it is called patience_decisions",
-    ("key", "density"): f"{_NO_GAIN}; delete the key",
-    ("key", "expert"): f"{_TYPES}; delete the key",
-    ("key", "types"): f"{_TYPES}; learn again, or delete the key",
-    ("key", "imu"): "no node read it, and it has left; delete the key",
-    ("key", "mass_kg"): _WALL,
-    ("key", "hinge_m"): _WALL,
+    ("key", "use_stamped"): "each topic has its own key stamped; delete the key",
+    ("key", "button_topic"): "goal_area_m and stop_s cut episodes; delete the key",
+    ("key", "button_field"): "goal_area_m and stop_s cut episodes; delete the key",
+    ("key", "goals_m"): "goal_area_m has the corners of the area in which an episode ends",
+    ("key", "goal_radius_m"): "goal_area_m has the corners of the area in which an episode ends",
+    ("key", "waypoint_reached_m"): "actions are no longer read from waypoints; delete the key",
+    ("key", "people"): "one table holds robot and people, by ids; put their rows into it",
+    ("key", "experts"): "the robot of a bag demonstrates; people demonstrate in a table",
 }
-
-_IMU = {
-    "gyroscope_noise_density": 1.7e-4,
-    "gyroscope_bias_walk": 1.9e-5,
-    "accelerometer_noise_density": 2.0e-3,
-    "accelerometer_bias_walk": 3.0e-3,
-}
-#: Keys that 0.2.0 wrote beside each model and that had no effect, with the values that said so.
-_WITHOUT_EFFECT: dict[str, Callable[[Any], bool]] = {
-    "density": lambda value: value is False,
-    "imu": lambda value: value == _IMU,
-    "mass_kg": lambda value: value is None,
-    "hinge_m": lambda value: value is None,
-}
-
-
-def without_what_had_no_effect(values: Any) -> Any:
-    """The content of a YAML file without keys of 0.2.0 that changed nothing."""
-    if isinstance(values, list):
-        return [without_what_had_no_effect(each) for each in values]
-    if not isinstance(values, dict):
-        return values
-    return {
-        key: without_what_had_no_effect(each)
-        for key, each in values.items()
-        if not (key in _WITHOUT_EFFECT and _WITHOUT_EFFECT[key](each))
-    }
 
 
 def where(kind: Kind, name: str) -> str:
     """Where a name went, as the end of a sentence; empty for one that never was.
 
-    >>> where("command", "faults")
-    'it is run by the authors now, from a checkout: python -m lab faults'
+    >>> where("key", "patience_periods")
+    'it is called patience_decisions'
     """
     return _LEFT.get((kind, name), "")
 

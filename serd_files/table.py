@@ -8,7 +8,7 @@ import csv
 import io
 import math
 import os
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -34,26 +34,24 @@ class Column:
     """One column of int, float or str cells.
 
     nullable: whether an int cell may be empty (None) and a float cell NaN.
-    optional: whether a file may lack the column.
     """
 
     name: str
     kind: type[int] | type[float] | type[str]
     nullable: bool = False
-    optional: bool = False
 
 
-def columns_of(row_class: type[Any], optional: Collection[str] = ()) -> tuple[Column, ...]:
+def columns_of(row_class: type[Any]) -> tuple[Column, ...]:
     """The columns of a table whose rows are instances of a dataclass, in the order of its fields.
 
-    `int | None` and `OptionalFloat` are nullable; optional: names of the optional columns.
+    `int | None` and `OptionalFloat` are nullable.
     """
     hints = get_type_hints(row_class, include_extras=True)
     found = []
     for name in (field.name for field in fields(row_class)):
         kinds = get_args(hints[name]) or (hints[name],)
         nullable = NoneType in kinds or hints[name] == OptionalFloat
-        found.append(Column(name, kinds[0], nullable, name in optional))
+        found.append(Column(name, kinds[0], nullable))
     return tuple(found)
 
 
@@ -108,15 +106,15 @@ def read_table(path: str | Path, columns: Sequence[Column], *, growing: bool = F
     """
     lines = _csv_lines(path, columns, growing=growing)
     _, header = next(lines, (1, []))
-    found = [column for column in columns if not column.optional or column.name in header]
-    if header != _names(found):
-        raise FileError(f"{path}: {_header_fault(header, _names(columns), _names(found))}")
-    names, missing = _names(found), [math.nan if each.kind is float else None for each in found]
+    names = _names(columns)
+    if header != names:
+        raise FileError(f"{path}: {_header_fault(header, names)}")
+    missing = [math.nan if each.kind is float else None for each in columns]
     return [
         {
             name: absent if value is None else value
             for name, value, absent in zip(
-                names, _checked_row(path, line, found, cells), missing, strict=True
+                names, _checked_row(path, line, columns, cells), missing, strict=True
             )
         }
         for line, cells in lines
@@ -128,16 +126,9 @@ def write_rows(path: str | Path, row_class: type[Any], rows: Iterable[Any]) -> N
     write_table(path, columns_of(row_class), map(astuple, rows))
 
 
-def read_rows(
-    path: str | Path,
-    row_class: type[RowClass],
-    *,
-    growing: bool = False,
-    optional: Collection[str] = (),
-) -> tuple[RowClass, ...]:
-    """The table as instances of a dataclass; growing: see `read_table`, optional: `columns_of`."""
-    rows = read_table(path, columns_of(row_class, optional), growing=growing)
-    return tuple(row_class(**row) for row in rows)
+def read_rows(path: str | Path, row_class: type[RowClass]) -> tuple[RowClass, ...]:
+    """The table as instances of a dataclass."""
+    return tuple(row_class(**row) for row in read_table(path, columns_of(row_class)))
 
 
 class RowTable:
@@ -178,12 +169,55 @@ class RowTable:
         return tuple(cell_text(row[name]) for name in self._key_columns)
 
 
+@dataclass(frozen=True)
+class EpisodeResult:
+    """How one episode ended; times in simulated seconds.
+
+    time_of_arrival_s: NaN if the robot did not arrive; minimum_person_distance_m: NaN if not
+    measured. wall_s: wall time from the first to the last
+    observation, for the real-time factor. reason: why the driver gave up, empty otherwise.
+    """
+
+    episode: int
+    seed: int
+    driver: str
+    start_area: str
+    outcome: str
+    time_of_arrival_s: OptionalFloat
+    duration_s: float
+    distance_m: float
+    robot_on_person: int
+    person_on_robot: int
+    robot_on_wall: int
+    minimum_person_distance_m: OptionalFloat
+    wall_s: float
+    reason: str = ""
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot reached the goal area in time."""
+        return self.outcome == "arrived"
+
+
+def load_episodes(path: str | Path) -> tuple[EpisodeResult, ...]:
+    """All rows of a table; FileError names the line of a fault."""
+    episodes = read_rows(path, EpisodeResult)
+    for line, each in enumerate(episodes, start=2):
+        time_s = each.time_of_arrival_s
+        if not (0.0 <= time_s < math.inf if each.arrived else math.isnan(time_s)):
+            raise FileError(
+                f"{path}: line {line}, time_of_arrival_s must be finite and not negative if outcome"
+                f" is 'arrived', else nan, got {time_s} and {each.outcome!r}; correct the line"
+            )
+    return episodes
+
+
 def _names(columns: Iterable[Column]) -> list[str]:
     return [column.name for column in columns]
 
 
-def _header_fault(header: list[str], known: list[str], required: list[str]) -> str:
-    missing = [name for name in required if name not in header]
+def _header_fault(header: list[str], known: list[str]) -> str:
+    missing = [name for name in known if name not in header]
     detail = f"has no column {missing[0]!r}" if missing else "has others, or in another order"
     return (
         f"must have the columns {shortened(', '.join(known))}, got"

@@ -18,8 +18,7 @@ import numpy as np
 from PIL import Image
 
 from serd_app.teleop.page import view as shown
-from serd_app.teleop.page.access import PageAccess
-from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.server import PageAccess, PageServer
 from serd_core.demonstrations.crossings import CellTracker
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.drivers.strategy import load_strategy

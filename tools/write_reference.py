@@ -12,7 +12,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
+from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
 from serd_files.settings import Setting, settings_of
 from serd_ros.graph.graph import config_of, load_graph
 from serd_sim.planning.settings import PlannerSettings

@@ -9,14 +9,23 @@ is counted.
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from hashlib import sha256
-from typing import Annotated, NamedTuple
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from serd_app.drives.episode_spans import CUT_OFF, DISCARDED, RETURN, EpisodeSpan
-from serd_app.drives.recorded_drive import SILENCE, RecordedDrive
+from serd_app.demonstrations.decision_table import concatenate_renumbered
+from serd_app.drives.drive import (
+    CUT_OFF,
+    DISCARDED,
+    RETURN,
+    SILENCE,
+    EpisodeSpan,
+    RecordedDrive,
+)
+from serd_app.drives.sessions import read_drives
+from serd_bag.errors import BagError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action, Grid
@@ -105,16 +114,49 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
     )
 
 
-class DividedEpisode(NamedTuple):
-    """The decisions of an episode that ended, how many are lost, and how many lack a command."""
+def demonstrations_of_bag(
+    bag: str | Path, grid: Grid, patience_s: float, wait_s: float, *, hidden: bool = False
+) -> tuple[TimedDecisions, DiscretisationReport]:
+    """Those of a bag, and what was left out; BagError where there is nothing to use.
 
-    ended: Sequence[Epoch]
-    n_lost: int
-    n_silent: int
+    patience_s, wait_s: see `DecisionEpochs`. hidden: without intents, from poses and episodes
+    alone.
+    """
+    drives: Sequence[RecordedDrive] = read_drives(bag, intents=not hidden)
+    if hidden:
+        drives = [drive.with_hidden_actions for drive in drives]
+    decisions, report = demonstrations_of_drives(drives, grid, patience_s, wait_s)
+    if not len(decisions):
+        raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
+    return decisions, report
 
 
-#: By a digest of all that an episode is divided by.
-DividedEpisodes = dict[bytes, DividedEpisode]
+def demonstrations_of_drives(
+    drives: Sequence[RecordedDrive],
+    grid: Grid,
+    patience_s: float,
+    wait_s: float,
+    *,
+    seen: set[bytes] | None = None,
+    agents: bool = False,
+) -> tuple[TimedDecisions, DiscretisationReport]:
+    """Those of all drives of one recording, at least one, and what was left out.
+
+    seen: `episode_rows` of earlier episodes, to which those of the drives are added; an episode
+    that was seen in every decision counts once. agents: the drives are of different agents, of whom
+    two may decide the same at the same times, so that those of the same places alone are repeated.
+    """
+    seen = set() if seen is None else seen
+    known = frozenset(seen)
+    tables, reports = [], []
+    for drive in drives:
+        track = drive.pose_time_s.tobytes() + drive.position_m.tobytes()
+        seen_here = set(known if track in known else ()) if agents else seen
+        decisions, report = decisions_from_drive(drive, grid, patience_s, wait_s, seen_here)
+        seen |= seen_here | ({track} if agents else set())
+        tables.append(decisions)
+        reports.append(report)
+    return concatenate_renumbered(tables), joined_reports(reports)
 
 
 def decisions_from_drive(
@@ -123,27 +165,19 @@ def decisions_from_drive(
     patience_s: float,
     wait_s: float,
     seen: set[bytes] | None = None,
-    divided: DividedEpisodes | None = None,
 ) -> tuple[TimedDecisions, DiscretisationReport]:
     """Decisions of a recorded drive on a grid, and what was left out.
 
     patience_s, wait_s: see `DecisionEpochs`. seen: `episode_rows` of episodes that are dropped
-    here; divided: episodes that are not divided anew. Those of this drive are added to both.
+    here, to which those of this drive are added.
     """
     dropped = Counter(drive.dropped) + _outside(drive)
     epochs = DecisionEpochs(grid, patience_s=patience_s, wait_s=wait_s)
     ended = dict[int, Sequence[Epoch]]()
-    known = {} if divided is None else divided
-    place = f"{grid.fingerprint()} {patience_s} {wait_s}"
     for span in (span for span in drive.episodes if span.demonstrates):
-        course = _course(drive, span, patience_s)
-        key = course.digest(place)
-        divided_here = known.get(key) or _followed(epochs, course)
-        if span.outcome != CUT_OFF:  # one that goes on is another at the next time
-            known[key] = divided_here
-        dropped[NO_COMMAND] += divided_here.n_silent
-        dropped[LOST] += divided_here.n_lost
-        ended[span.number] = divided_here.ended
+        dropped[NO_COMMAND] += _follow(epochs, drive, span, patience_s)
+        dropped[LOST] += epochs.n_lost
+        ended[span.number] = epochs.ended
     every = decisions_of(ended, drive.source)
     dropped[OFF_GRID] += sum(map(len, ended.values())) - len(every)
     repeated = _repeated(every, set() if seen is None else seen)
@@ -195,40 +229,19 @@ def _outside(drive: RecordedDrive) -> Counter[str]:
     return Counter({reason: int(found.sum()) for reason, found in reasons.items()})
 
 
-class _Course(NamedTuple):
-    """An episode as its decisions need it.
-
-    columns (T,): times, x and y of places, whether a gap is before each, from when on which command
-    is in force then. is_lost: whether the end is not recorded.
-    """
-
-    columns: tuple[FloatArray | BoolArray | IntArray, ...]
-    is_lost: bool
-    arrived: bool
-
-    def digest(self, place: str) -> bytes:
-        """Of all of it; place: what else decisions depend on."""
-        found = sha256(f"{place} {len(self.columns[0])} {self.is_lost} {self.arrived}".encode())
-        for column in self.columns:
-            found.update(column.tobytes())
-        return found.digest()
-
-
-def _course(drive: RecordedDrive, span: EpisodeSpan, patience_s: float) -> _Course:
+def _follow(
+    epochs: DecisionEpochs, drive: RecordedDrive, span: EpisodeSpan, patience_s: float
+) -> int:
+    """Divide an episode into decisions; how many times it fell silent."""
     time_s, position_m, after_gap = _way(drive, span)
     hold_s = patience_s if drive.intent_hold_s is None else drive.intent_hold_s
     since_s, commands = _in_force(drive, span, hold_s)
     row = np.searchsorted(since_s, time_s + _STAMP_TOLERANCE_S, side="right") - 1
-    is_lost = not len(time_s) or after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s
-    columns = (time_s, *position_m.T, after_gap, since_s[row], commands[row])
-    return _Course(columns, is_lost=bool(is_lost), arrived=span.outcome == "arrived")
-
-
-def _followed(epochs: DecisionEpochs, course: _Course) -> DividedEpisode:
+    columns = time_s, *position_m.T, after_gap, since_s[row], commands[row]
     epochs.begin()
     taken, n_silent = int(Action.WAIT), 0
     for at_s, x_m, y_m, is_after_gap, from_s, command in zip(
-        *(column[:-1].tolist() for column in course.columns), strict=True
+        *(column[:-1].tolist() for column in columns), strict=True
     ):
         if is_after_gap:
             epochs.lose()
@@ -243,12 +256,12 @@ def _followed(epochs: DecisionEpochs, course: _Course) -> DividedEpisode:
             continue
         n_silent += command == SILENCE != taken
         taken = command
-    if course.is_lost:
-        epochs.lose()
+    if not len(time_s) or after_gap[-1] or span.end_s - time_s[-1] > drive.longest_gap_s:
+        epochs.lose()  # its end is not recorded
     else:
-        end_s, *place_m = (float(column[-1]) for column in course.columns[:3])
-        epochs.end(end_s, *place_m, arrived=course.arrived)
-    return DividedEpisode(epochs.ended, epochs.n_lost, n_silent)
+        arrived = span.outcome == "arrived"
+        epochs.end(float(time_s[-1]), *map(float, position_m[-1]), arrived=arrived)
+    return n_silent
 
 
 def _way(drive: RecordedDrive, span: EpisodeSpan) -> tuple[FloatArray, FloatArray, BoolArray]:

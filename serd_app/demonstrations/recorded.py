@@ -12,15 +12,14 @@ import numpy as np
 from pydantic import Field
 
 from serd_app.demonstrations.decision_table import concatenate_renumbered, save_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.demonstrations.discretise import DiscretisationReport, joined_reports
-from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
-from serd_app.demonstrations.suggestion.candidates import mapping_of_poses
-from serd_app.drives.mapped.mapping import BagMapping, DriveMapping, TableMapping
-from serd_app.drives.recorded_drive import RecordedDrive
-from serd_app.drives.recorded_people import Sighting, sightings_of_all
-from serd_app.drives.recording import Recording, read_recording
-from serd_app.drives.table_drives import is_table
+from serd_app.demonstrations.discretise import (
+    DiscretisationReport,
+    demonstrations_of_drives,
+)
+from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings, save_flow
+from serd_app.drives.drive import RecordedDrive
+from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
+from serd_app.drives.recording import Recording, is_table, read_recording
 from serd_app.errors import AppError
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_bag.files import delete_file
@@ -35,28 +34,18 @@ from serd_sim.scenario.scenario import Scenario
 
 @dataclass(frozen=True, eq=False)
 class Recordings:
-    """all: one of each bag or table; mappings: None for a table or a bag of our recorder."""
+    """all: one of each bag or table; mapping: None for tables or bags of our recorder."""
 
     all: tuple[Recording, ...]
-    mappings: tuple[DriveMapping | None, ...]
+    mapping: DriveMapping | None
     tolerant: bool
 
-    @property
-    def drives(self) -> list[RecordedDrive]:
-        """Those of all recordings."""
-        return [drive for each in self.all for drive in each.drives]
-
-    @property
-    def people(self) -> BagMapping:
-        """The mapping that names topic and frame of people: the first of a bag."""
-        of_bags = (each for each in self.mappings if isinstance(each, BagMapping))
-        return next(of_bags, BagMapping())
-
-    def sightings(self) -> list[list[Sighting]]:
-        """People in each recording."""
-        paths, people = [each.bag for each in self.all], self.people
-        topic, frame = people.people_topic, people.frame
-        return sightings_of_all(paths, topic, frame=frame, tolerant=self.tolerant)
+    def flow(self, grid: Grid) -> FlowField | None:
+        """In which direction people walk in them; None where there are none."""
+        people = self.mapping if isinstance(self.mapping, BagMapping) else BagMapping()
+        return flow_from_recordings(
+            self.all, grid, people.people_topic, frame=people.frame, tolerant=self.tolerant
+        )
 
 
 def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | None:
@@ -77,39 +66,15 @@ def read_recordings(
     tolerant: bool = False,
     hidden: bool = False,
 ) -> Recordings:
-    """Bags or tables; a bag of poses alone needs no mapping. Options: as of `read_recording`."""
-    mappings = tuple(
-        mapping or (None if is_table(each) else mapping_of_poses(each)) for each in paths
-    )
-    recordings = tuple(
+    """Bags or tables. Options: as of `read_recording`."""
+    goal_area_m = scenario.goal_area_m if scenario else ()
+    recordings = (
         read_recording(
-            each,
-            mapping=chosen,
-            tolerant=tolerant,
-            hidden=hidden,
-            goal_area_m=scenario.goal_area_m if scenario else (),
+            each, mapping=mapping, tolerant=tolerant, hidden=hidden, goal_area_m=goal_area_m
         )
-        for each, chosen in zip(paths, mappings, strict=True)
+        for each in paths
     )
-    return Recordings(recordings, mappings, tolerant)
-
-
-class _Bag(StrictModel):
-    """The first key of `BagRecord`: fields of the last base class come first."""
-
-    bag: str
-
-
-class BagRecord(DiscretisationReport, _Bag):
-    """What became of one bag.
-
-    damage: sentences about what of the bag could not be read; n_lost: messages known to be lost;
-    all_lost_known: whether that is all of them.
-    """
-
-    damage: tuple[str, ...] = ()
-    n_lost: int = Field(0, ge=0)
-    all_lost_known: bool = True
+    return Recordings(tuple(recordings), mapping, tolerant)
 
 
 class DemonstrationRecord(StrictModel):
@@ -123,7 +88,6 @@ class DemonstrationRecord(StrictModel):
     grid_fingerprint: str
     patience_s: float = Field(gt=0)
     wait_s: float = Field(gt=0)
-    bags: tuple[BagRecord, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,12 +144,11 @@ def demonstrations_of_all(
     seen: set[bytes] = set()
     found = []
     for each in recordings:
-        agents = each.crowd is not None or is_table(each.bag)
-        here, report = demonstrations_of_drives(
-            each.drives, grid, patience_s, wait_s, seen=seen, agents=agents
+        decisions, report = demonstrations_of_drives(
+            each.drives, grid, patience_s, wait_s, seen=seen, agents=is_table(each.bag)
         )
         tracks = tuple(track for drive in each.drives for track in _tracks_of(drive, grid))
-        found.append(RecordedDemonstrations(each, here.decisions, report, tracks))
+        found.append(RecordedDemonstrations(each, decisions, report, tracks))
     return found
 
 
@@ -217,23 +180,12 @@ def save_demonstrations(
     flow: FlowField | None,
 ) -> None:
     """Write table, grid, record and flow side by side; see `files_beside`."""
-    keys = set(BagRecord.model_fields)
-    bags = tuple(
-        BagRecord(**{key: value for key, value in each.values().items() if key in keys})
-        for each in found
-    )
-    save_learnable(output, place, concatenated(found), bags=bags)
+    save_learnable(output, place, concatenated(found))
     if flow is not None:
         save_flow(files_beside(output)["flow"], place.grid, flow)
 
 
-def save_learnable(
-    output: Path,
-    place: Place,
-    decisions: TimedDecisions,
-    *,
-    bags: tuple[BagRecord, ...] = (),
-) -> None:
+def save_learnable(output: Path, place: Place, decisions: TimedDecisions) -> None:
     """Write a table of decisions with what `serd learn` needs beside it: grid, record, scenario."""
     files = files_beside(output)
     # First, as an edited file is not replaced.
@@ -245,7 +197,6 @@ def save_learnable(
         grid_fingerprint=place.grid.fingerprint(),
         patience_s=place.patience_s,
         wait_s=place.wait_s,
-        bags=bags,
     )
     save_yaml_model(files["record"], record)
     delete_file(files["flow"])  # of other recordings
@@ -262,10 +213,3 @@ def files_beside(table: Path) -> dict[str, Path]:
         "flow": table.with_suffix(".flow.csv"),
         "flow picture": table.with_suffix(".flow.png"),
     }
-
-
-def report_of_table(table: Path) -> DiscretisationReport | None:
-    """That of the recordings of a table of decisions; None where its record has none."""
-    record = files_beside(table)["record"]
-    bags = load_yaml_model(record, DemonstrationRecord).bags if record.exists() else ()
-    return joined_reports(bags) if bags else None

@@ -10,16 +10,20 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.drives.episode_spans import END, EPISODE, EpisodeMark, marks_of, spans_of_marks
-from serd_app.drives.recorded_drive import (
+from serd_app.drives.drive import (
+    END,
+    EPISODE,
     INTENT,
     LONGEST_GAP_S,
     NOT_FINITE,
     POSE,
+    EpisodeMark,
     RecordedDrive,
     actions_of_directions,
     finite_poses,
+    marks_of,
     source_of,
+    spans_of_marks,
 )
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import decode, message_stamp_ns, pose_position

@@ -8,14 +8,14 @@ from pathlib import Path
 import shapely
 
 from serd_app.demonstrations.discretise import OFF_GRID
-from serd_app.demonstrations.grid.fitted_grid import (
+from serd_app.demonstrations.fitted_grid import (
     USUAL_WAIT_S,
     fitted_grid,
     fitting_cell_size_m,
     fitting_patience_s,
     grid_of_area,
 )
-from serd_app.demonstrations.grid.flow_field import FlowField, flow_from_recordings
+from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
@@ -26,7 +26,7 @@ from serd_app.demonstrations.recorded import (
     read_recordings,
     save_demonstrations,
 )
-from serd_app.drives.table_drives import is_table
+from serd_app.drives.recording import is_table
 from serd_app.errors import AppError
 from serd_app.places.free_area import read_area_m, require_area_file
 from serd_app.report.pictures import save_pictures_of_demonstrations
@@ -105,7 +105,7 @@ def demonstrate(
     place = _place(recordings, scenario, choice.cell_size_m, area_m)
     found = demonstrations_of_all(recordings.all, place.grid, place.patience_s, place.wait_s)
     _require_decisions(found)
-    flow = flow_from_recordings(recordings.all, recordings.sightings(), place.grid)
+    flow = recordings.flow(place.grid)
     save_demonstrations(output, place, found, flow)
     missing = save_pictures_of_demonstrations(output, place, found, flow)
     files = {name: path for name, path in files_beside(output).items() if path.exists()}
@@ -121,7 +121,7 @@ def _place(
     """Of a scenario, else with a grid that is fitted to where the robot was, or of an area."""
     if scenario:
         return Place(grid_of(scenario), scenario.patience_s, scenario.wait_s, scenario)
-    drives = recordings.drives
+    drives = [drive for each in recordings.all for drive in each.drives]
     size_m = cell_size_m or fitting_cell_size_m(drives)
     grid = fitted_grid(recordings.all, size_m) if area_m is None else grid_of_area(area_m, size_m)
     return Place(grid, fitting_patience_s(drives, size_m), USUAL_WAIT_S)
@@ -137,8 +137,8 @@ def _require_decisions(found: Sequence[RecordedDemonstrations]) -> None:
 
 def _require_no_own(recordings: Recordings) -> None:
     """AppError for a recording of ours, which was made in a scenario."""
-    for each, mapping in zip(recordings.all, recordings.mappings, strict=True):
-        if mapping is None and not is_table(each.bag):
+    for each in recordings.all if recordings.mapping is None else ():
+        if not is_table(each.bag):
             raise AppError(
                 f"either --scenario or --cell-size-m must be given for {each.bag}, got neither;"
                 " give the scenario that it was recorded in"

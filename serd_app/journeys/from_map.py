@@ -38,16 +38,15 @@ def scenario_from_map(
     *,
     goal_m: tuple[float, float] | None = None,
     start_m: tuple[float, float] | None = None,
-    topic: str = "map",
     replace: bool = False,
 ) -> MappedScenario:
     """Write a scenario and, as PNG of its name, its plan.
 
-    source: map file, bag with a map on the topic, or file of polygons. goal_m, start_m: points in
+    source: map file or file of polygons. goal_m, start_m: points in
     the cells of goal and start, by default far apart. replace: also a file that was edited.
     SerdError or FileError where the map is wrong or no task fits into it.
     """
-    raster = None if is_area_file(source) else read_map(source, topic)
+    raster = None if is_area_file(source) else read_map(source)
     area = read_area_m(source, start_m) if raster is None else free_area_m(raster, start_m)
     text = map_scenario_yaml(
         area,

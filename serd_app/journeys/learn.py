@@ -9,11 +9,10 @@ from serd_app.journeys.report import report as write_page
 from serd_app.learning.fit_data import ProgressCallback, ignore_progress
 from serd_app.learning.knowledge import Certainty, certainty_of
 from serd_app.learning.learning_files import LearningFiles, read_learning_files
-from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
+from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import learn
 from serd_app.learning.settings import FlowSource, LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
-from serd_app.report.pictures import save_gain_picture
 from serd_bag.files import require_file_place, require_folder
 
 
@@ -22,8 +21,7 @@ class Learned:
     """A model that was learned from a table and written.
 
     certainty: standard errors and what the data leave open. model: its file. page: of its report,
-    None where none was wanted. missing: why no picture was drawn, empty where one was or the fit
-    has none.
+    None where none was wanted.
     """
 
     files: LearningFiles
@@ -31,7 +29,6 @@ class Learned:
     certainty: Certainty
     model: Path
     page: Path | None = None
-    missing: str = ""
 
 
 def learn_from_table(
@@ -58,23 +55,18 @@ def learn_from_table(
     )
     _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
-    outcome = learn(files.task, files.demonstrations, settings, on_progress)
-    grid = files.task.problem.grid
-    save_outcome(output, outcome, grid)
-    missing = ""
-    if outcome.knowledge is not None:
-        picture = outcome_files(output)["gain_map"]
-        missing = save_gain_picture(picture, grid, outcome.knowledge.gain_nats)
+    outcome = learn(files.task, files.decisions, settings, on_progress)
+    save_outcome(output, outcome, files.task.problem.grid)
     page = None
     if report is not None:
-        page = write_page(ReportSources(output, scenario, [table]), report).page
-    certainty = certainty_of(outcome.problem, files.demonstrations.decisions, outcome.fit)
-    return Learned(files, outcome, certainty, output, page, missing)
+        page = write_page(ReportSources(output, scenario, table), report).page
+    certainty = certainty_of(outcome.problem, files.decisions, outcome.fit)
+    return Learned(files, outcome, certainty, output, page)
 
 
 def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
     """AppError where the goal leaves too few decisions."""
-    n_left = len(files.demonstrations.decisions)
+    n_left = len(files.decisions)
     if files.n_after_goal and n_left < minimum_decisions:
         goals = "; ".join(f"{x:g},{y:g}" for x, y in files.goals_m)
         raise AppError(

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.errors import AppError
-from serd_app.navigation.evaluation.comparison import Comparison, compare
+from serd_app.navigation.comparison import Comparison, compare
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import DriveSettings
 from serd_app.report.pictures import save_arrival_picture
 from serd_bag.files import read_text, require_folder
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult, load_episodes
-from serd_files.table import write_rows
+from serd_files.table import EpisodeResult, load_episodes, write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.episode import run_episode
 from serd_sim.episodes.result import result_of_record
@@ -72,13 +71,10 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
 
 
 class BegunDrive(DriveSettings):
-    """The settings of the drive, and digests of the content of its two files.
+    """The settings of the drive, and digests of the content of its two files."""
 
-    Folders of older versions have empty digests.
-    """
-
-    model_digest: str = ""
-    scenario_digest: str = ""
+    model_digest: str
+    scenario_digest: str
 
 
 def claim_folder(folder: Path, settings: DriveSettings) -> None:
@@ -111,7 +107,7 @@ def _require_same(folder: Path, earlier: BegunDrive, now: BegunDrive) -> None:
         if recorded != found:
             raise AppError(
                 f"{folder} must hold drives of {name} as it is now ({found}), but was begun with "
-                f"{recorded or 'an unknown version'} of it; give another folder"
+                f"{recorded} of it; give another folder"
             )
 
 

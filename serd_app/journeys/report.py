@@ -11,22 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from serd_app.demonstrations.recorded import read_mapping, report_of_table
 from serd_app.errors import ReportError
 from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.evaluation.comparison import (
+from serd_app.navigation.comparison import (
     predicted_law,
     recorded_times,
     starts_of,
 )
-from serd_app.navigation.evaluation.familiarity import Familiarity, familiarity_of
-from serd_app.navigation.forecast import plan_remarks
+from serd_app.navigation.navigator import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder
-from serd_files.episode_table import EpisodeResult, load_episodes
-from serd_files.model_file import ModelFile, load_model
+from serd_files.model_file import ModelFile, load_model, require_grid
+from serd_files.table import EpisodeResult, load_episodes
 from serd_sim.drivers.strategy import Strategy, load_strategy
 from serd_sim.scenario.goal import goal_cell
 from serd_sim.scenario.scenario import load_scenario
@@ -43,15 +42,14 @@ _PACKAGES = ("serd", "numpy", "scipy")
 class ReportSources:
     """What a page is made of.
 
-    scenario: in place of the one that the model keeps or names. demonstrations: table of decisions,
-    or bags or tables of trajectories with the file of a mapping. episodes: `episodes.csv` of `serd
-    navigate`. starts_m: of forecasts, besides the start areas.
+    scenario: in place of the one that the model keeps or names. demonstrations: table of decisions
+    on the grid of the model. episodes: `episodes.csv` of `serd navigate`. starts_m: of forecasts,
+    besides the start areas.
     """
 
     model: Path
     scenario: str = ""
-    demonstrations: Sequence[Path] = ()
-    mapping: Path | None = None
+    demonstrations: Path | None = None
     episodes: Path | None = None
     starts_m: Sequence[tuple[float, float]] = ()
     policy: str = "optimal"
@@ -80,7 +78,7 @@ def report(sources: ReportSources, output: Path) -> Reported:
 
 def inputs_of_model(sources: ReportSources) -> ReportInputs:
     """All that a page shows of a model."""
-    model, scenario, paths = sources.model, sources.scenario, sources.demonstrations
+    model, scenario = sources.model, sources.scenario
     file = load_model(model)
     place = load_scenario(scenario or scenario_of_model(model, file.scenario))
     strategy = load_strategy(str(model), place, sources.policy, file=file)
@@ -88,10 +86,6 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
     trace = load_trace(files["learning"]) if files["learning"].exists() else np.zeros(0)
     if len(trace) and not np.isclose(trace[-1], file.fit.objective):
         trace = np.zeros(0)  # of another fit
-    found = None
-    if paths:
-        own, mapping = scenario if file.scenario else "", read_mapping(sources.mapping, paths)
-        found = familiarity_of(model, paths, mapping=mapping, scenario=own)
     return ReportInputs(
         title=f"Learned model: {file.scenario or 'fitted grid'}",
         scenario=place,
@@ -102,27 +96,28 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         predicted=predicted_law(strategy, "train"),
         timeout_s=strategy.timeout_s,
         run=_facts(file),
-        knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
+        knowledge=load_knowledge(files) if len(trace) else None,
         forecasts=tuple(_forecasts(strategy, sources.starts_m)),
-        **_recorded(strategy, paths, found),
+        **_recorded(sources, strategy),
         n_demonstrations=file.fit.n_episodes,
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
     )
 
 
-def _recorded(
-    strategy: Strategy, paths: Sequence[Path], found: Familiarity | None
-) -> dict[str, Any]:
-    """What demonstrations give: decisions, how usual they are, what was left out, arrivals."""
-    if found is None:
+def _recorded(sources: ReportSources, strategy: Strategy) -> dict[str, Any]:
+    """What demonstrations give: decisions and arrivals."""
+    table, file = sources.demonstrations, strategy.file
+    if table is None:
         return {"demonstrations": decisions_of({}, "")}
-    until_goal = found.files.demonstrations.decisions
+    scenario = sources.scenario if file.scenario else ""
+    files = read_learning_files(
+        table, discount=file.discount, scenario=scenario, goals_m=tuple(file.goals_m)
+    )
+    require_grid(sources.model, file, files.task.problem.grid)
     return {
-        "demonstrations": found.decisions,
-        "familiarity": found,
-        "discretised": report_of_table(paths[0]),
-        "recorded": recorded_times(strategy, until_goal, found.files.reaching),
+        "demonstrations": files.decisions.select(~files.decisions.censored),
+        "recorded": recorded_times(strategy, files.decisions, files.reaching),
     }
 
 

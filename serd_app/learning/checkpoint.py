@@ -7,7 +7,7 @@ caller's thread stays free meanwhile.
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import ClassVar, Literal
@@ -15,14 +15,25 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.demonstrations import Demonstrations, LiveDrive
+from serd_app.demonstrations.decision_table import (
+    concatenate_renumbered,
+    load_decisions,
+    save_decisions,
+)
+from serd_app.demonstrations.discretise import (
+    DiscretisationReport,
+    decisions_from_drive,
+    episode_rows,
+)
+from serd_app.drives.drive import CUT_OFF
+from serd_app.drives.sessions import DriveSessions
 from serd_app.learning.fit_data import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.errors import SerdError
+from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
 from serd_files.errors import USER_ERRORS
@@ -109,6 +120,42 @@ class CheckpointFolder:
         return self.path / "checkpoint.yaml"
 
 
+class LiveDrive(DriveSessions):
+    """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
+
+    earlier: demonstrations known before. report: what was left out of the last session.
+    hidden: whether poses and episodes alone are used.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        grid: Grid,
+        patience_s: float,
+        wait_s: float,
+        earlier: TimedDecisions | None = None,
+        *,
+        hidden: bool = False,
+    ) -> None:
+        super().__init__(source)
+        self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
+        self._hidden = hidden
+        self.report: DiscretisationReport | None = None
+
+    def gathered(self, *, unfinished: bool = True) -> TimedDecisions:
+        """All episodes so far; unfinished: also decisions of the episode still being driven."""
+        *before, last = (session.drive() for session in self.sessions)
+        if not unfinished and last.episodes and last.episodes[-1].outcome == CUT_OFF:
+            last = replace(last, episodes=last.episodes[:-1])
+        known = [] if self._earlier is None else [self._earlier]
+        seen = {row for one in known for row in episode_rows(one).values()}
+        for recorded in (*before, last):
+            drive = recorded.with_hidden_actions if self._hidden else recorded
+            decisions, self.report = decisions_from_drive(drive, self._grid, *self._times_s, seen)
+            known.append(decisions)
+        return concatenate_renumbered(known)
+
+
 class LearnerMemory:
     """Demonstrations as they come, and the newest weights, from and to a checkpoint folder.
 
@@ -128,22 +175,20 @@ class LearnerMemory:
         self.folder = CheckpointFolder(folder, scenario)
         loaded = self.folder.load()
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
-        self.demonstrations: Demonstrations | None = None
-        if earlier is not None:
-            self.demonstrations = Demonstrations(earlier)
+        self.decisions = earlier
         self.drive = LiveDrive(
             "live topics",
             grid,
             scenario.patience_s,
             scenario.wait_s,
-            earlier=self.demonstrations,
+            earlier=earlier,
             hidden=hidden,
         )
 
     @property
     def n_decisions(self) -> int:
         """Decisions there are."""
-        return 0 if self.demonstrations is None else len(self.demonstrations.decisions)
+        return 0 if self.decisions is None else len(self.decisions)
 
     @property
     def unlearned(self) -> bool:
@@ -170,11 +215,11 @@ class LearnerMemory:
             return None
         return np.array([weights[name] for name in self._feature_names])
 
-    def gather(self, *, unfinished: bool) -> Demonstrations:
+    def gather(self, *, unfinished: bool) -> TimedDecisions:
         """Everything observed, which is written too; unfinished: see `LiveDrive.gathered`."""
-        self.demonstrations = self.drive.gathered(unfinished=unfinished)
-        self.folder.save_decisions(self.demonstrations.decisions)
-        return self.demonstrations
+        self.decisions = self.drive.gathered(unfinished=unfinished)
+        self.folder.save_decisions(self.decisions)
+        return self.decisions
 
     def save_progress(self, progress: FitProgress) -> None:
         """Write where an unfinished fit stands; the weights only of the fit to all episodes."""

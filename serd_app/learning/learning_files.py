@@ -3,18 +3,13 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+from scipy.ndimage import binary_dilation, label
 
-from serd_app.demonstrations.decision_table import (
-    ending_in,
-    episodes_reaching,
-    load_decisions,
-    until_goal,
-    usual_goal_states,
-)
-from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.grid.flow_field import load_flow
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.demonstrations.flow_field import load_flow
 from serd_app.demonstrations.recorded import DemonstrationRecord, files_beside
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
@@ -31,38 +26,32 @@ from serd_core.grid.navigation import (
     build_navigation_problem,
     with_dwell_times,
 )
-from serd_files.files import require_beside
 from serd_files.grid_file import load_grid
 from serd_files.yaml_config import load_yaml_model
 from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of, wall_distance_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
+
+_Table = TypeVar("_Table", bound=Decisions)
 
 
 @dataclass(frozen=True, eq=False)
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
     n_elsewhere: those of episodes that end in other places than the goal, also left out;
-    n_left_out: episodes of which nothing is left;
     elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted.
     """
 
     task: LearningTask
-    demonstrations: Demonstrations
+    decisions: TimedDecisions
     flow_from: str
     goals_m: tuple[tuple[float, float], ...]
     n_after_goal: int
     n_elsewhere: int
-    n_left_out: int
     elsewhere_m: tuple[tuple[float, float], ...]
     reaching: IntArray
     scenario: Scenario | None = None
-
-    @property
-    def n_reaching_goal(self) -> int:
-        """Number of the episodes that come to the goal."""
-        return len(self.reaching)
 
     def left_out(self) -> str:
         """How many decisions, and why; empty where there are none."""
@@ -74,7 +63,7 @@ class LearningFiles:
 
     def remarks(self) -> Iterable[str]:
         """A warning where no episode reaches the goal."""
-        if not self.n_reaching_goal:
+        if not len(self.reaching):
             goals = "; ".join(f"{x:g},{y:g}" for x, y in self.goals_m)
             yield (
                 f"no episode reaches the goal ({goals}), so no arrival shows what it is worth;"
@@ -95,12 +84,13 @@ def read_learning_files(
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
     scenario's goal area, or without a scenario where most of the episodes end.
     """
-    all_decisions, grid, record, known = _read(table, scenario)
+    files = files_beside(table)
+    all_decisions, grid, record, known = _read(files, scenario)
     goals, decisions = _goals(all_decisions, grid, known, goals_m)
     elsewhere = all_decisions.select(~np.isin(all_decisions.episode, decisions.episode))
     others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
     kept = until_goal(decisions, goals)
-    chosen, source = _flow(files_beside(table)["flow"], grid, known, flow)
+    chosen, source = _flow(files["flow"], grid, known, flow)
     problem = _problem(grid, known, record, chosen, goals, discount)
     return LearningFiles(
         task=LearningTask(
@@ -109,12 +99,11 @@ def read_learning_files(
             own_flow=source != "scenario",
             scenario_yaml=_scenario_yaml(known, problem, kept, record),
         ),
-        demonstrations=Demonstrations(kept),
+        decisions=kept,
         flow_from=source,
         goals_m=_centres_m(grid, goals),
         n_after_goal=len(decisions) - len(kept),
         n_elsewhere=len(elsewhere),
-        n_left_out=len(all_decisions.episodes) - len(kept.episodes),
         elsewhere_m=_centres_m(grid, others),
         reaching=episodes_reaching(decisions, goals),
         scenario=known,
@@ -122,11 +111,17 @@ def read_learning_files(
 
 
 def _read(
-    table: Path, scenario: str
+    files: dict[str, Path], scenario: str
 ) -> tuple[TimedDecisions, Grid, DemonstrationRecord, Scenario | None]:
     """The decisions and the files beside them, which must be of one place."""
-    files, decisions = files_beside(table), load_decisions(table)
-    require_beside(table, files["grid"], files["record"])
+    table = files["decisions"]
+    decisions = load_decisions(table)
+    for path in (files["grid"], files["record"]):
+        if not path.exists():
+            raise FileError(
+                f"{table}: {path.name}, which is written with it, must be beside it; move it there,"
+                " or make both again"
+            )
     grid = load_grid(files["grid"])
     record = load_yaml_model(files["record"], DemonstrationRecord)
     place = scenario or scenario_beside(table, record.scenario)
@@ -246,3 +241,59 @@ def _flow(
     if wanted == "recorded" or (wanted == "auto" and table.exists()):
         return load_flow(table, grid), "recorded"
     return np.full(grid.n_states, NO_FLOW, dtype=np.int64), "none"
+
+
+def usual_goal_states(decisions: Decisions, grid: Grid) -> IntArray:
+    """The states in which the episodes end, or of these the neighbouring ones that leave more
+    decisions before the goal: on round trips and in crowds, some begin where others end."""
+    best = np.unique(list(_ends(decisions).values()))
+    most = len(until_goal(decisions, best))
+    for group in _neighbouring(best, grid):
+        n_left = len(until_goal(ending_in(decisions, group), group))
+        if n_left > most:
+            best, most = group, n_left
+    return best
+
+
+def ending_in(decisions: _Table, states: IntArray) -> _Table:
+    """The decisions of the episodes that end in one of the states."""
+    wanted = set(states.tolist())
+    return decisions.select_episodes(
+        episode for episode, end in _ends(decisions).items() if end in wanted
+    )
+
+
+def _ends(decisions: Decisions) -> dict[int, int]:
+    """The last state of each episode."""
+    return dict(zip(decisions.episode.tolist(), decisions.next_state.tolist(), strict=True))
+
+
+def _neighbouring(states: IntArray, grid: Grid) -> list[IntArray]:
+    """The states in groups, between which there are three cells or more."""
+    picture = np.zeros(grid.walkable.shape, dtype=bool)
+    rows, columns = grid.cells[states].T
+    picture[rows, columns] = True
+    around = np.ones((3, 3))
+    labels, count = label(binary_dilation(picture, around), around)
+    return [states[labels[rows, columns] == group + 1] for group in range(count)]
+
+
+def until_goal(decisions: _Table, goal_states: IntArray) -> _Table:
+    """The decisions of every episode up to the first that leads into the goal."""
+    kept = np.ones(len(decisions), dtype=bool)
+    for episode in decisions.episodes:
+        rows = np.flatnonzero(decisions.episode == episode)
+        over = np.isin(decisions.state[rows], goal_states)
+        over[1:] |= np.isin(decisions.next_state[rows[:-1]], goal_states)
+        kept[rows] = ~np.maximum.accumulate(over)
+    return decisions.select(kept)
+
+
+def episodes_reaching(decisions: Decisions, goal_states: IntArray) -> IntArray:
+    """(E,) numbers of the episodes that begin elsewhere and come to the goal.
+
+    One that decides in it has come to it, also where its move there is not recorded.
+    """
+    there = np.isin(decisions.state, goal_states) | np.isin(decisions.next_state, goal_states)
+    began_elsewhere = until_goal(decisions, goal_states).episodes
+    return np.asarray(began_elsewhere[np.isin(began_elsewhere, decisions.episode[there])])

@@ -17,22 +17,20 @@ from serd_app.errors import AppError
 from serd_app.learning.fit_data import FitData, OnStep
 from serd_app.learning.settings import MethodName
 from serd_core.arrays import FloatArray
-from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions, trajectories_of
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
-from serd_core.learners.policy_matching import clone_behaviour, fit_policy_matching
+from serd_core.learners.policy_matching import clone_behaviour
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
-from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.prior import GaussianPrior, Prior
+from serd_core.priors.prior import Prior
 from serd_core.selection.evaluation import select_weight, validation_log_likelihood
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
@@ -42,10 +40,6 @@ LEARN_FROM_STATES: tuple[MethodName, ...] = (
     "mdce_serd_coupled",
     "mdce_serd_free",
 )
-#: Policy matching has its maxima on kinks.
-KINKED = KinkedAscent(smooth=ASCENT, gradient_tolerance=1e-5)
-#: Fixes the common scale of rewards and temperature, on which the likelihood does not depend.
-TEMPERATURE_PRIOR = GaussianPrior(0.1, Block.POLICY, mean=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +81,6 @@ def mdce_serd_free(data: FitData) -> MethodResult:
     return MethodResult(fit, _serd_prior(data))
 
 
-def pm_serd(data: FitData) -> MethodResult:
-    """PM SERD: Boltzmann policy over optimal Q-values."""
-    return _with_best_weight(data, _fit_policy_matching_serd, "KLD to the M-estimate")
-
-
 def mdce_irl(data: FitData) -> MethodResult:
     """MDCE IRL by likelihood under the M-estimate."""
     return MethodResult(fit_rewards(data, data.estimate(data.decisions)), _normal(data))
@@ -110,31 +99,6 @@ def mdce_irl_entropy(data: FitData) -> MethodResult:
         on_step=data.reporter(),
     )
     return MethodResult(fit, f"none; features match within a slack of {slack:g} times the weights")
-
-
-def maxent_irl(data: FitData) -> MethodResult:
-    """Maximum entropy IRL over trajectories under the M-estimate."""
-    fit = fit_maxent_irl(
-        data.problem,
-        data.decisions,
-        initial_weights=np.zeros(len(data.problem.feature_names)),
-        dynamics=data.estimate(data.decisions),
-        on_step=data.reporter(),
-    )
-    return MethodResult(fit, "none")
-
-
-def policy_matching(data: FitData) -> MethodResult:
-    """Policy matching IRL by squared loss under the M-estimate."""
-    fit = fit_policy_matching(
-        data.problem,
-        data.decisions,
-        inverse_temperature=data.settings.inverse_temperature,
-        initial_weights=data.start(data.decisions, data.reporter()),
-        dynamics=data.estimate(data.decisions),
-        on_step=data.reporter(),
-    )
-    return MethodResult(fit, "none")
 
 
 def relative_entropy_irl(data: FitData) -> MethodResult:
@@ -182,11 +146,8 @@ METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
     "mdce_serd_evidence": mdce_serd_evidence,
     "mdce_serd_coupled": mdce_serd_coupled,
     "mdce_serd_free": mdce_serd_free,
-    "pm_serd": pm_serd,
     "mdce_irl": mdce_irl,
     "mdce_irl_entropy": mdce_irl_entropy,
-    "maxent_irl": maxent_irl,
-    "policy_matching": policy_matching,
     "relative_entropy_irl": relative_entropy_irl,
 }
 
@@ -293,21 +254,6 @@ def _fit_serd(
         belief=belief,
         prior=prior + data.reward_prior,
         ascent=ASCENT,
-        on_step=on_step,
-    )
-
-
-def _fit_policy_matching_serd(
-    data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep
-) -> FitResult:
-    uniform = uniform_prior(data.problem, Block.TRUTH, data.settings.pseudo_count)
-    return fit_pm_serd(
-        data.problem,
-        decisions,
-        initial_weights=data.start(decisions, on_step),
-        dynamics=data.estimate(decisions),
-        prior=KldPrior(prior_weight) + uniform + data.reward_prior + TEMPERATURE_PRIOR,
-        ascent=KINKED,
         on_step=on_step,
     )
 

@@ -122,7 +122,7 @@ class FitOutcome:
 
     def values(self) -> dict[str, object]:
         """The summary by name."""
-        fit, known = self.fit, self.knowledge
+        fit = self.fit
         found: dict[str, object] = {
             "method": self.model.method,
             "converged": fit.converged,
@@ -135,8 +135,6 @@ class FitOutcome:
         if self.prior_weight is not None:
             found["prior_weight"] = self.prior_weight
         found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
-        if known is not None:
-            found |= {f"next_{name}": each for name, each in asdict(known.next_start).items()}
         return found | asdict(self.traps)
 
 
@@ -150,7 +148,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     keep_scenario(output, outcome.scenario_yaml)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
-    for name in ("posterior", "durations", "gain", "gain_map"):
+    for name in ("posterior", "durations"):
         delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
@@ -158,7 +156,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
 
 
 def outcome_files(output: Path) -> dict[str, Path]:
-    """The files beside a model, by what they hold; `serd learn` draws the map."""
+    """The files beside a model, by what they hold."""
     return {
         "model": output,
         "grid": output.with_suffix(".grid.yaml"),
@@ -166,8 +164,6 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "learning": output.with_suffix(".learning.csv"),
         "posterior": output.with_suffix(".posterior.csv"),
         "durations": output.with_suffix(".durations.csv"),
-        "gain": output.with_suffix(".next_demonstration.csv"),
-        "gain_map": output.with_suffix(".next_demonstration.png"),
     }
 
 

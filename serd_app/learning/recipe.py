@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.demonstrations.grid.flow_field import load_flow
+from serd_app.demonstrations.flow_field import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.fit_data import FitData, ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
@@ -65,7 +64,7 @@ def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> Learni
 
 def learn(
     task: LearningTask,
-    demonstrations: Demonstrations,
+    decisions: TimedDecisions,
     settings: LearningSettings,
     on_progress: ProgressCallback = ignore_progress,
     warm_weights: FloatArray | None = None,
@@ -74,8 +73,8 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(demonstrations, settings)
-    decisions, rng = demonstrations.decisions, np.random.default_rng(settings.seed)
+    require_enough(decisions, settings)
+    rng = np.random.default_rng(settings.seed)
     problem = _problem_of(task.problem, settings.method, decisions)
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
@@ -122,9 +121,9 @@ def _posterior_of(
     return posterior, None if posterior is None else laplace_draws(posterior, data.rng)
 
 
-def require_enough(demonstrations: Demonstrations, settings: LearningSettings) -> None:
+def require_enough(decisions: Decisions, settings: LearningSettings) -> None:
     """AppError where there are too few decisions to learn from."""
-    n_decisions = len(demonstrations.decisions)
+    n_decisions = len(decisions)
     if n_decisions < settings.minimum_decisions:
         raise AppError(
             f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to "

@@ -12,11 +12,8 @@ MethodName = Literal[
     "mdce_serd_evidence",
     "mdce_serd_coupled",
     "mdce_serd_free",
-    "pm_serd",
     "mdce_irl",
     "mdce_irl_entropy",
-    "maxent_irl",
-    "policy_matching",
     "relative_entropy_irl",
 ]
 
@@ -43,9 +40,6 @@ class RecipeSettings(StrictModel):
         30.0, "standard deviation of the normal prior on reward weights", gt=0
     )
     pseudo_count: float = setting(1.0, "uniform prior of the M-estimate: added counts", gt=0)
-    inverse_temperature: float = setting(
-        1.0, "policy_matching: inverse temperature of the policy", gt=0
-    )
     entropy_slack: float = setting(
         0.001, "mdce_irl_entropy: slack of the matched features, times the weights", ge=0
     )

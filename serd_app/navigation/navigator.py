@@ -14,20 +14,116 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.navigation.forecast import HALF, MOST, ArrivalForecast, quantile_or_nan_s
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.arrays import FloatArray
+from serd_core.arrival.arriving_policy import TRAP_PROBABILITY
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
 from serd_files.model_file import ModelFile, load_model
-from serd_files.table import OptionalFloat, append_row, columns_of, read_rows
+from serd_files.table import EpisodeResult, OptionalFloat, append_row, columns_of
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.drivers.strategy import STEP_S, Strategy, load_strategy
 from serd_sim.scenario.goal import goal_at, with_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
+
+#: Shares of drives whose times of arrival are reported: half, and nine in ten.
+HALF, MOST = 0.5, 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class ArrivalForecast:
+    """Made at a decision. law: remaining seconds; state: -1 off the grid.
+
+    probability: of arriving before the time-out. trapped: whether the state is a trap; by_time:
+    whether the way of least expected time is taken there, as the learned policy does not arrive.
+    """
+
+    time_s: float
+    elapsed_s: float
+    state: int
+    action: Action
+    law: ArrivalLaw
+    probability: float
+    trapped: bool
+    decisions_without_progress: int
+    by_time: bool = False
+
+    @property
+    def summary(self) -> str:
+        """One line for a picture."""
+        median_s = self.law.quantile_s(HALF)
+        arrives = "no arrival expected" if median_s is None else f"arrives in {median_s:.0f} s"
+        way = ", TRAPPED" if self.trapped else ", by the way of least expected time" * self.by_time
+        return f"{arrives}, before the time-out with {self.probability:.0%}{way}"
+
+    @property
+    def needs_attention(self) -> bool:
+        """Whether the robot is off the grid, in a trap, or where the learned policy is in one."""
+        return self.state < 0 or self.trapped or self.by_time
+
+    @property
+    def situation(self) -> str:
+        """What the robot does."""
+        if self.state < 0:
+            return "waiting: off the grid"
+        if self.trapped:
+            return "in a trap"
+        if self.by_time:
+            return (
+                "driving the way of least expected time, as the learned policy does not arrive from"
+                " here"
+            )
+        return "waiting: action of the policy" if self.action == Action.WAIT else "driving"
+
+    def values(self) -> dict[str, object]:
+        """Numbers for `diagnostics`; a time that is never reached is NaN."""
+        return {
+            "state": self.state,
+            "action": self.action.name.lower(),
+            "elapsed_s": self.elapsed_s,
+            "arrival_probability": self.probability,
+            "median_remaining_s": quantile_or_nan_s(self.law, HALF),
+            "most_remaining_s": quantile_or_nan_s(self.law, MOST),
+            "decisions_without_progress": self.decisions_without_progress,
+            "trapped": self.trapped,
+            "least_time": self.by_time,
+        }
+
+
+def quantile_or_nan_s(law: ArrivalLaw, share: float) -> float:
+    """When a share of all drives has arrived; NaN where fewer ever do."""
+    time_s = law.quantile_s(share)
+    return math.nan if time_s is None else time_s
+
+
+def plan_remarks(strategy: Strategy) -> list[str]:
+    """What somebody who lets the strategy drive must know of its plan, one sentence each."""
+    found, used = [], strategy.problem.feature_names
+    if unused := [name for name in strategy.file.feature_names if name not in used]:
+        found.append(
+            f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"
+            " here, or was where it was learned"
+        )
+    if strategy.by_time.any():
+        learned = strategy.driven.learned_traps
+        found.append(
+            f"the learned policy does not arrive from {len(learned.states)} of"
+            f" {len(learned.looping)} cells: from {int(learned.looping.sum())} its actions never"
+            f" lead to the goal, from {int(learned.unlikely.sum())} it is reached before the"
+            f" time-out with less than {TRAP_PROBABILITY:.0%}; in {int(strategy.by_time.sum())}"
+            " cells the way of least expected time is taken instead"
+        )
+    if len(traps := strategy.traps.states):
+        looping, unlikely = strategy.traps.looping, int(strategy.traps.unlikely.sum())
+        found.append(
+            f"{len(traps)} of {len(looping)} cells are traps: from {int(looping.sum())} no policy"
+            f" leads to the goal, from {unlikely} it is reached before the time-out with less than"
+            f" {TRAP_PROBABILITY:.0%}"
+        )
+    return found
+
 
 #: Off the grid a robot never arrives.
 _NEVER = ArrivalLaw(np.zeros(1), np.zeros(1), 0.0)
@@ -198,16 +294,6 @@ class ArrivalRow:
     predicted_share: OptionalFloat
 
 
-def append_arrival(path: str | Path, row: ArrivalRow) -> None:
-    """Append one row, below the column names in a new file."""
-    append_row(path, columns_of(ArrivalRow), astuple(row))
-
-
-def load_arrivals(path: str | Path) -> tuple[ArrivalRow, ...]:
-    """All whole rows; FileError names the line of a fault."""
-    return read_rows(path, ArrivalRow, growing=True)
-
-
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """Made at the first decision for a goal and a model; law: seconds since the episode began."""
@@ -239,7 +325,7 @@ class ArrivalRecords:
         """Append the row of a drive that has ended, if there is a prediction of it."""
         prediction, self._prediction = self._prediction, None
         if prediction is not None and self._path is not None:
-            append_arrival(self._path, arrival_row(prediction, result))
+            append_row(self._path, columns_of(ArrivalRow), astuple(arrival_row(prediction, result)))
 
 
 def prediction_of(navigator: Navigator, observation: Observation) -> Prediction | None:

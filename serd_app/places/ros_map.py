@@ -1,12 +1,11 @@
-"""A map of ROS as a raster: image and YAML file of nav2_map_server, or an OccupancyGrid of a bag.
+"""A map of ROS as a raster: image and YAML file of nav2_map_server.
 
 Shades become occupancies as in nav2_map_server: p = 1 - shade (`negate`: the shade), occupied above
-`occupied_thresh`, free below `free_thresh`; between them unknown (trinary) or p in percent (scale).
-In a trinary map the shade 205 of 255 is always unknown: map_saver writes it for unknown cells, and
-beside it a `free_thresh` of 0.25, which it lies below.
+`occupied_thresh`, free below `free_thresh`, between them unknown (the mode trinary). The shade 205
+of 255 is always unknown: map_saver writes it for unknown cells, and beside it a `free_thresh` of
+0.25, which it lies below.
 """
 
-import math
 from pathlib import Path
 from typing import Literal
 
@@ -15,18 +14,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import ConfigDict, Field, model_validator
 
-from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_bag.files import read_bytes
-from serd_bag.messages.plain import decode, yaw_of_quaternion
-from serd_bag.reader import BagReader
-from serd_bag.topic import topic_named
 from serd_core.arrays import FloatArray
 from serd_files.yaml_config import StrictModel, load_yaml_model
 from serd_sim.scenario.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyRaster
 
 _SHADE_OF_UNKNOWN = 205 / 255
-OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 
 
 class MapFile(StrictModel):
@@ -41,7 +35,7 @@ class MapFile(StrictModel):
     negate: bool | Literal[0, 1] = False
     occupied_thresh: float = Field(default=0.65, ge=0, le=1)
     free_thresh: float = Field(default=0.25, ge=0, le=1)
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
+    mode: Literal["trinary"] = "trinary"
 
     @model_validator(mode="after")
     def _thresholds_in_order(self) -> "MapFile":
@@ -53,10 +47,13 @@ class MapFile(StrictModel):
         return self
 
 
-def read_map(path: Path, topic: str = "map") -> OccupancyRaster:
-    """The map of a YAML file, or the last one on a topic of a bag; FileError or BagError."""
+def read_map(path: Path) -> OccupancyRaster:
+    """The map of a YAML file; FileError where it is none."""
     if path.suffix not in {".yaml", ".yml"}:
-        return _map_of_bag(path, topic)
+        raise FileError(
+            f"{path} must be the YAML file of a map; nav2_map_server's map_saver writes one of a"
+            " topic"
+        )
     described = load_yaml_model(path, MapFile)
     image_path = path.parent / described.image
     read_bytes(image_path)  # FileError with the reason where it cannot be read
@@ -82,56 +79,11 @@ def _channels(image: Image.Image) -> FloatArray:
 
 
 def _occupancies(channels: FloatArray, described: MapFile) -> NDArray[np.int8]:
-    """(H, W) int8 from 0 (free) to 100, UNKNOWN; channels (H, W, 3 or 4) from 0 to 1."""
-    averaged = channels if described.mode == "trinary" else channels[:, :, :3]
-    shade = averaged.mean(axis=2)
-    if described.mode == "raw":
-        percent = np.round(255.0 * shade)
-        return np.where(percent <= OCCUPIED, percent, UNKNOWN).astype(np.int8)
+    """(H, W) int8: FREE, OCCUPIED or UNKNOWN; channels (H, W, 3 or 4) from 0 to 1."""
+    shade = channels.mean(axis=2)
     occupied = shade if described.negate else 1.0 - shade
-    cells = np.full(shade.shape, float(UNKNOWN))
-    if described.mode == "scale":
-        span = described.occupied_thresh - described.free_thresh
-        cells = np.rint(100.0 * (occupied - described.free_thresh) / span)
+    cells = np.full(shade.shape, UNKNOWN)
     cells[occupied > described.occupied_thresh] = OCCUPIED
     cells[occupied < described.free_thresh] = FREE
-    if described.mode == "trinary":
-        cells[np.isclose(shade, _SHADE_OF_UNKNOWN)] = UNKNOWN
-    if described.mode == "scale" and channels.shape[2] == 4:
-        cells[channels[:, :, 3] < 1.0] = UNKNOWN
+    cells[np.isclose(shade, _SHADE_OF_UNKNOWN)] = UNKNOWN
     return cells.astype(np.int8)
-
-
-def _map_of_bag(path: Path, topic: str) -> OccupancyRaster:
-    reader = BagReader(path)
-    name = topic_named(reader.topics, topic)
-    type_name = reader.topics[name].type_name
-    if type_name != OCCUPANCY_GRID:
-        raise AppError(
-            f"bag {path}: the map on {name} must be of type {OCCUPANCY_GRID}, got {type_name};"
-            " name its topic with --topic"
-        )
-    last = None
-    for message in reader.messages([name]):
-        last = message.data
-    if last is None:
-        raise AppError(f"bag {path}: {name} must hold a map, it holds no message; record it again")
-    grid = decode(last, OCCUPANCY_GRID)
-    info, shape = grid.info, (grid.info.height, grid.info.width)
-    cells = np.asarray(grid.data, dtype=np.int8)
-    origin, turned = info.origin.position, info.origin.orientation
-    numbers = (origin.x, origin.y, turned.x, turned.y, turned.z, turned.w)
-    if cells.size != shape[0] * shape[1] or not all(map(math.isfinite, numbers)):
-        raise AppError(
-            f"bag {path}: {name}: the map must have {shape[0]} x {shape[1]} cells and a finite"
-            f" origin, got {cells.size} cells; look at what published it"
-        )
-    if not 0.0 < info.resolution < math.inf:
-        raise AppError(
-            f"bag {path}: {name}: the map's resolution must be finite and greater than 0 m, got"
-            f" {info.resolution:g}; look at what published it"
-        )
-    yaw_rad = yaw_of_quaternion(turned.x, turned.y, turned.z, turned.w)
-    # resolution is a float32 in the message
-    resolution_m = float(f"{info.resolution:.7g}")
-    return OccupancyRaster((origin.x, origin.y), resolution_m, cells.reshape(shape), yaw_rad)

@@ -5,10 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from serd_app.demonstrations.discretise import DiscretisationReport
 from serd_app.learning.knowledge import Knowledge
-from serd_app.navigation.evaluation.comparison import RecordedTimes
-from serd_app.navigation.evaluation.familiarity import Familiarity
+from serd_app.navigation.comparison import RecordedTimes
 from serd_core.arrays import FloatArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
@@ -16,7 +14,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import Policy
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 from serd_sim.scenario.scenario import Scenario
 
 
@@ -27,13 +25,6 @@ class PhaseTiming:
     name: str
     wall_s: float
     simulated_s: float | None = None
-
-    @property
-    def real_time_factor(self) -> float | None:
-        """Simulated seconds per second of the wall clock."""
-        if self.simulated_s is None or self.wall_s <= 0:
-            return None
-        return self.simulated_s / self.wall_s
 
 
 @dataclass(frozen=True)
@@ -57,22 +48,6 @@ class RunFacts:
 
 
 @dataclass(frozen=True, eq=False)
-class CrowdSnapshot:
-    """Who was where at `time_s`; trails run from oldest to newest.
-
-    robot_pose (3,) x_m, y_m, yaw_rad; people_position_m (N, 2); people_velocity_mps (N, 2);
-    people_trail_m (T, N, 2), NaN where a person was not seen yet; robot_trail_m (T, 2).
-    """
-
-    time_s: float
-    robot_pose: FloatArray
-    people_position_m: FloatArray
-    people_velocity_mps: FloatArray
-    people_trail_m: FloatArray
-    robot_trail_m: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class Forecast:
     """The computed arrival from a place; name: of a start area, or the point.
 
@@ -91,9 +66,8 @@ class ReportInputs:
     demonstrations: may be empty, then n_demonstrations is how many there were.
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
     policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
-    episodes: empty where it has not driven. snapshot: None where people were not recorded.
-    knowledge: None where the fit has no posterior. forecasts: from chosen starts. familiarity: how
-    likely demonstrations are for the model; discretised: what was left out of their recordings.
+    episodes: empty where it has not driven. knowledge: None where the fit has no posterior.
+    forecasts: from chosen starts.
     driven: where the policy is not the learned one, None where it is everywhere; remarks: on that.
     recorded: times of arrival of the demonstrations, None where they are not known.
     """
@@ -108,13 +82,10 @@ class ReportInputs:
     episodes: tuple[EpisodeResult, ...]
     predicted: ArrivalLaw
     timeout_s: float
-    snapshot: CrowdSnapshot | None = None
     run: RunFacts
     files: tuple[FileLink, ...] = ()
     knowledge: Knowledge | None = None
     forecasts: tuple[Forecast, ...] = ()
-    familiarity: Familiarity | None = None
-    discretised: DiscretisationReport | None = None
     n_demonstrations: int = 0
     driven: ArrivingPolicy | None = None
     remarks: tuple[str, ...] = ()

@@ -9,35 +9,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from serd_app.demonstrations.grid.flow_field import FlowField
+from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import (
     Place,
     RecordedDemonstrations,
     concatenated,
     files_beside,
 )
-from serd_app.navigation.evaluation.comparison import predicted_law
+from serd_app.navigation.comparison import predicted_law
 from serd_bag.files import delete_file
-from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import state_counts
-from serd_core.grid.grid import Grid
-from serd_files.episode_table import EpisodeResult
 from serd_files.errors import missing_extra
+from serd_files.table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy
 from serd_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-
-def save_gain_picture(path: Path, grid: Grid, gain_nats: FloatArray) -> str:
-    """Draw the information (S,) that a demonstration from each cell is expected to add."""
-    if missing := _missing():
-        return missing
-    from serd_app.report.figures.maps import draw_gain
-
-    _save(path, draw_gain(None, grid, gain_nats))
-    return ""
 
 
 def save_pictures_of_demonstrations(
@@ -78,7 +66,7 @@ def save_arrival_picture(
 
 def save_plan(path: Path, scenario: Scenario) -> None:
     """Draw a scenario from above as PNG; its folder is made."""
-    from serd_app.report.figures.hallway import draw_scenario_plan
+    from serd_app.report.figures.maps import draw_scenario_plan
 
     _save(path, draw_scenario_plan(scenario))
 

@@ -1,30 +1,29 @@
-"""The numbers of a report: for summary.json, the headline and the terminal."""
+"""The numbers of a report: for summary.json and the terminal."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from serd_app.navigation.evaluation.comparison import (
-    Agreement,
+from serd_app.navigation.comparison import (
     Starts,
     agreement,
     reasons_against_prediction,
-    reasons_text,
 )
 from serd_app.report.figures.arrival import measured_curve, time_reaching
-from serd_app.report.inputs import ReportInputs, RunFacts, percent
-from serd_bag.quantities import counted, seconds_in_words
+from serd_app.report.inputs import ReportInputs, RunFacts
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.arriving_policy import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.scenario.grid import start_states_of
 
+#: Plain values by name, which `summary_of` describes.
+Summary = dict[str, Any]
 
-@dataclass(frozen=True)
-class Summary:
-    """Plain numbers; a median is None when fewer than half of the episodes arrived.
+
+def summary_of(inputs: ReportInputs) -> Summary:
+    """Everything the report states as a number; a median is None when fewer than half arrived.
 
     Without episodes all that is measured is None, and so is the agreement. n_decisions: learned
     from, as are decisions_per_model; of a model without a posterior these are of
@@ -32,84 +31,23 @@ class Summary:
     states in which the policy takes the way of least expected time, as the learned one does not
     arrive; n_trap_states: those from which no policy does. recorded_times_s: of arrival of the
     demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
-    is not stated, none where it is. familiarity, compared: how usual demonstrations are for the
-    model, as numbers and as a sentence.
+    is not stated, none where it is.
     """
-
-    n_demonstrations: int
-    n_decisions: int
-    n_compared_decisions: int
-    n_episodes: int
-    n_arrived: int
-    measured_arrival_probability: float | None
-    measured_arrival_interval_95: tuple[float, float] | None
-    predicted_arrival_probability: float
-    measured_median_s: float | None
-    predicted_median_s: float | None
-    measured_mean_s: float | None
-    agreement: Agreement | None
-    timeout_s: float
-    robot_on_person_contacts: int
-    person_on_robot_contacts: int
-    wall_contacts: int
-    n_trap_states: int
-    n_least_time_states: int
-    plan_remarks: tuple[str, ...]
-    recorded_times_s: tuple[float, ...] | None
-    no_prediction_because: tuple[str, ...]
-    fault_share: float | None
-    faults: str
-    familiarity: dict[str, object] | None
-    compared: str
-    converged: bool
-    n_steps: int
-    objective: float
-    reward_weights: dict[str, float]
-    decisions_per_model: dict[str, int]
-    outcome_probabilities: dict[str, list[float]]
-    initial_outcome_probabilities: dict[str, list[float]]
-    real_time_factor: dict[str, float]
-    wall_s: dict[str, float]
-    seeds: dict[str, int]
-    versions: dict[str, str]
-    command: str
-    how: str
-    finished_at: str
-
-    @property
-    def no_prediction(self) -> str:
-        """Why the predicted arrival is not stated, as one clause; empty where it is."""
-        return reasons_text(self.no_prediction_because)
-
-    def as_json(self) -> dict[str, object]:
-        """The record as JSON-ready values."""
-        return asdict(self)
-
-
-def summary_of(inputs: ReportInputs) -> Summary:
-    """Count and compare: everything the report states as a number."""
-    fit, discretised, compared = inputs.fit, inputs.discretised, inputs.familiarity
-    n_given = inputs.n_demonstrations
-    recorded = inputs.recorded
-    return Summary(
-        n_demonstrations=n_given or len(inputs.demonstrations.episodes),
-        n_decisions=fit.n_decisions if n_given else len(inputs.demonstrations),
-        n_compared_decisions=len(inputs.demonstrations),
-        fault_share=None if discretised is None else discretised.fault_share,
-        faults="" if discretised is None else discretised.faults,
-        familiarity=None if compared is None else compared.as_json(),
-        compared="" if compared is None else compared.sentence(),
-        n_trap_states=int(trapped_states(inputs).sum())
-        if inputs.driven is None
-        else len(inputs.driven.traps.states),
-        n_least_time_states=0 if inputs.driven is None else int(inputs.driven.by_time.sum()),
-        plan_remarks=inputs.remarks,
-        recorded_times_s=None if recorded is None else tuple(recorded.times_s.tolist()),
-        no_prediction_because=_reasons_against_prediction(inputs),
+    fit, n_given, driven = inputs.fit, inputs.n_demonstrations, inputs.driven
+    recorded, trapped = inputs.recorded, int(trapped_states(inputs).sum())
+    return {
+        "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
+        "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
+        "n_compared_decisions": len(inputs.demonstrations),
         **_of_arrival(inputs),
+        "n_trap_states": trapped if driven is None else len(driven.traps.states),
+        "n_least_time_states": 0 if driven is None else int(driven.by_time.sum()),
+        "plan_remarks": inputs.remarks,
+        "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
+        "no_prediction_because": _reasons_against_prediction(inputs),
         **_of_fit(inputs),
         **_of_run(inputs.run),
-    )
+    }
 
 
 def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
@@ -128,7 +66,9 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
         "measured_median_s": None if measured is None else time_reaching(measured, 0.5),
         "predicted_median_s": inputs.predicted.quantile_s(0.5),
         "measured_mean_s": float(np.mean(times)) if times else None,
-        "agreement": agreement(inputs.predicted, inputs.arrival_times_s) if episodes else None,
+        "agreement": asdict(agreement(inputs.predicted, inputs.arrival_times_s))
+        if episodes
+        else None,
         "timeout_s": inputs.timeout_s,
         "robot_on_person_contacts": sum(row.robot_on_person for row in episodes),
         "person_on_robot_contacts": sum(row.person_on_robot for row in episodes),
@@ -153,9 +93,7 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
 
 def _of_run(run: RunFacts) -> dict[str, Any]:
     """What a reader needs to make the same run again."""
-    factors = {phase.name: phase.real_time_factor for phase in run.phases}
     return {
-        "real_time_factor": {name: each for name, each in factors.items() if each is not None},
         "wall_s": {phase.name: phase.wall_s for phase in run.phases},
         "seeds": dict(run.seeds),
         "versions": dict(run.versions),
@@ -173,61 +111,6 @@ def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
         recorded=inputs.recorded,
         measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
     )
-
-
-def headline_of(summary: Summary) -> str:
-    """From how many demonstrations, how many arrivals, how fast, and what had been predicted."""
-    if summary.measured_arrival_probability is None:
-        supported = not summary.no_prediction_because
-        return _predicted_headline(summary) if supported else _recorded_headline(summary)
-    predicted = (
-        f"no prediction, because {summary.no_prediction}"
-        if summary.no_prediction_because
-        else f"predicted {percent(summary.predicted_arrival_probability)}"
-    )
-    learned = (
-        f"After {counted(summary.n_demonstrations, 'demonstration')} the robot reached the goal in "
-        f"{summary.n_arrived} of {counted(summary.n_episodes, 'new episode')} "
-        f"within {seconds_in_words(summary.timeout_s)} "
-        f"({percent(summary.measured_arrival_probability)}; {predicted})"
-    )
-    return f"{learned}{_speed(summary)}."
-
-
-def _recorded_headline(summary: Summary) -> str:
-    """What is known without a prediction, and why there is none."""
-    times_s = summary.recorded_times_s or ()
-    arrived = ""
-    if times_s:
-        span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
-        all_of_them = len(times_s) == summary.n_demonstrations
-        who = "which" if all_of_them else f"of which {len(times_s)}"
-        arrived = f", {who} arrived after {span},"
-    return (
-        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
-        f" {counted(summary.n_decisions, 'decision')}{arrived} the arrival of the robot is not"
-        f" predicted, because {summary.no_prediction}."
-    )
-
-
-def _predicted_headline(summary: Summary) -> str:
-    half = summary.predicted_median_s
-    return (
-        f"After {counted(summary.n_demonstrations, 'demonstration')} with"
-        f" {counted(summary.n_decisions, 'decision')} the robot is predicted to reach the goal"
-        f" within {seconds_in_words(summary.timeout_s)} with"
-        f" {percent(summary.predicted_arrival_probability)}"
-        + (f", half of the drives within {seconds_in_words(half)}." if half is not None else ".")
-    )
-
-
-def _speed(summary: Summary) -> str:
-    if summary.measured_median_s is None:
-        return ", fewer than half of them in time"
-    measured = f", half of them within {seconds_in_words(summary.measured_median_s)}"
-    if summary.predicted_median_s is None or summary.no_prediction_because:
-        return measured
-    return f"{measured} (predicted {seconds_in_words(summary.predicted_median_s)})"
 
 
 def trapped_states(inputs: ReportInputs) -> BoolArray:

@@ -6,43 +6,29 @@ The page is one HTML file with embedded pictures and without resources from outs
 import base64
 import json
 from collections.abc import Mapping
-from dataclasses import astuple, fields
 from pathlib import Path
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from serd_app.navigation.evaluation.familiarity import ScoredEpisode
+from serd_app.navigation.comparison import Agreement, reasons_text
 from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
-from serd_app.report.figures.charts import OUTCOME_LABELS, draw_outcomes
-from serd_app.report.figures.hallway import draw_hallway
 from serd_app.report.figures.maps import (
-    draw_flow_map,
-    draw_gain,
     draw_policy_map,
-    draw_surprises,
     draw_visitation,
 )
 from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
 from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import (
     Summary,
-    headline_of,
-    known_decisions,
     summary_of,
     trapped_states,
 )
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
-from serd_core.demonstrations.decisions import HIDDEN, state_counts
-from serd_core.grid.grid import Action
-from serd_core.grid.navigation import NO_FLOW
-from serd_files.table import csv_text
+from serd_core.demonstrations.decisions import state_counts
+from serd_core.grid.grid import Outcome
 
-#: Most surprising decisions and unusual episodes that are listed.
-_LISTED = 12
-_COMPARED = "compared.csv"
 _OWN_FILES: tuple[FileLink, ...] = (
     FileLink("summary.json", "every number of this page"),
     FileLink("figures/", "all figures as PNG and SVG"),
@@ -62,11 +48,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
         pictures[name] = svg_bytes(figure)
         atomic_write_bytes(folder / "figures" / f"{name}.svg", pictures[name])
         save_figure(folder / "figures" / f"{name}.png", figure)
-    if inputs.familiarity is not None:
-        names = [field.name for field in fields(ScoredEpisode)]
-        table = csv_text(names, map(astuple, inputs.familiarity.episodes))
-        atomic_write_text(folder / _COMPARED, table)
-    numbers = json.dumps(summary.as_json(), indent=2, allow_nan=False)
+    numbers = json.dumps(summary, indent=2, allow_nan=False)
     atomic_write_text(folder / "summary.json", numbers + "\n")
     page = folder / "report.html"
     atomic_write_text(page, render_page(inputs, summary, pictures, _links(inputs)))
@@ -76,10 +58,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
 def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
     """The caller's files first; its words win where both describe one file."""
     given = {link.path for link in inputs.files}
-    own = _OWN_FILES
-    if inputs.familiarity is not None:
-        own += (FileLink(_COMPARED, "how usual each demonstration is for the model"),)
-    return inputs.files + tuple(link for link in own if link.path not in given)
+    return inputs.files + tuple(link for link in _OWN_FILES if link.path not in given)
 
 
 def _figures(inputs: ReportInputs) -> dict[str, Figure]:
@@ -87,30 +66,14 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     scenario, problem = inputs.scenario, inputs.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
-    if inputs.knowledge is not None:
-        found["gain"] = draw_gain(scenario, grid, inputs.knowledge.gain_nats)
-    if inputs.snapshot is not None:
-        found["hallway"] = draw_hallway(scenario, inputs.snapshot)
     if len(inputs.demonstrations):
         visits = state_counts(inputs.demonstrations, grid.n_states)
         found["visitation"] = draw_visitation(scenario, grid, visits, inputs.demonstration_tracks_m)
-    if inputs.forecasts and (problem.flow != NO_FLOW).any():
-        order = np.where(problem.flow != NO_FLOW, 1.0, 0.0)
-        found["flow"] = draw_flow_map(grid, problem.flow, order, scenario=scenario)
-    if inputs.familiarity is not None:
-        compared = inputs.familiarity
-        found["surprises"] = draw_surprises(grid, compared.decisions, compared.surprising, scenario)
     whose = "" if inputs.driven is None else " of the learned policy"
     policy, traps = inputs.policy, trapped_states(inputs)
     found["policy"] = draw_policy_map(
         scenario, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
     )
-    return found | _charts(inputs)
-
-
-def _charts(inputs: ReportInputs) -> dict[str, Figure]:
-    fit, problem, used = inputs.fit, inputs.problem, inputs.problem.used_models
-    found: dict[str, Figure] = {}
     recorded_s = () if inputs.recorded is None else inputs.recorded.times_s
     if inputs.episodes:
         times_s = inputs.arrival_times_s
@@ -118,13 +81,6 @@ def _charts(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
-    found["outcomes"] = draw_outcomes(
-        tuple(problem.model_names[m] for m in used),
-        fit.initial_outcome_probabilities[used],
-        fit.outcome_probabilities[used],
-        known_decisions(inputs)[used],
-        inputs.knowledge,
-    )
     return found
 
 
@@ -145,43 +101,44 @@ def render_page(
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
-        headline=headline_of(summary),
-        no_prediction=summary.no_prediction,
+        no_prediction=reasons_text(summary["no_prediction_because"]),
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
-        outcome_labels=OUTCOME_LABELS,
+        outcome_labels=[outcome.name.lower() for outcome in Outcome],
         models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
         links=links,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
-        surprises=surprise_rows(inputs),
-        unusual=() if inputs.familiarity is None else inputs.familiarity.episodes[:_LISTED],
     )
 
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary table: names and values as text."""
-    rows = [
+    return [
         (
             "Demonstrations",
-            f"{summary.n_demonstrations} with {counted(summary.n_decisions, 'decision')}",
+            f"{summary['n_demonstrations']} with {counted(summary['n_decisions'], 'decision')}",
         ),
-        *([("Faults of the demonstrations", summary.faults)] if summary.faults else []),
-        *([("Compared with the model", summary.compared)] if summary.compared else []),
+        *_recorded_rows(summary),
         *_arrival_rows(summary),
-        ("Trap states", str(summary.n_trap_states)),
-        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary.plan_remarks),
+        ("Trap states", str(summary["n_trap_states"])),
+        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary["plan_remarks"]),
         (
             "Fit",
-            f"{'converged' if summary.converged else 'did NOT converge'} "
-            f"after {counted(summary.n_steps, 'step')}, log posterior {summary.objective:.2f}",
+            f"{'converged' if summary['converged'] else 'did NOT converge'} "
+            f"after {counted(summary['n_steps'], 'step')}, log posterior"
+            f" {summary['objective']:.2f}",
         ),
     ]
-    factors = [f"{name} {factor:.0f}" for name, factor in summary.real_time_factor.items()]
-    return rows + (
-        [("Times faster than real time (whole phase)", ", ".join(factors))] if factors else []
-    )
+
+
+def _recorded_rows(summary: Summary) -> list[tuple[str, str]]:
+    times_s = summary["recorded_times_s"]
+    if not times_s:
+        return []
+    span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
+    return [("Recorded arrivals", f"{len(times_s)} of them, after {span}")]
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
@@ -189,30 +146,30 @@ def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:
 
     What is predicted is left out where that is not supported.
     """
-    predicted = f"predicted {percent(summary.predicted_arrival_probability)}"
-    median = f"predicted {_seconds(summary.predicted_median_s)}"
-    none = []
-    if summary.no_prediction_because:
-        none = [("Predicted arrival", f"none, because {summary.no_prediction}")]
-    if summary.measured_arrival_interval_95 is None or summary.agreement is None:
+    predicted = f"predicted {percent(summary['predicted_arrival_probability'])}"
+    median = f"predicted {_seconds(summary['predicted_median_s'])}"
+    none, reasons = [], summary["no_prediction_because"]
+    if reasons:
+        none = [("Predicted arrival", f"none, because {reasons_text(reasons)}")]
+    if summary["measured_arrival_interval_95"] is None or summary["agreement"] is None:
         return none or [("Arrives", predicted), ("Median time of arrival", median)]
-    low, high = summary.measured_arrival_interval_95
+    low, high = summary["measured_arrival_interval_95"]
     beside = ("", "") if none else (f"; {predicted}", f"; {median}")
     return [
         *none,
         (
             "Arrived",
-            f"{summary.n_arrived} of {counted(summary.n_episodes, 'episode')} "
-            f"({percent(summary.measured_arrival_probability or 0.0)}, 95 % interval "
+            f"{summary['n_arrived']} of {counted(summary['n_episodes'], 'episode')} "
+            f"({percent(summary['measured_arrival_probability'] or 0.0)}, 95 % interval "
             f"{percent(low)} to {percent(high)}){beside[0]}",
         ),
-        ("Median time of arrival", f"{_seconds(summary.measured_median_s)}{beside[1]}"),
-        ("Largest gap of the two arrival curves", summary.agreement.gap_text),
+        ("Median time of arrival", f"{_seconds(summary['measured_median_s'])}{beside[1]}"),
+        ("Largest gap of the two arrival curves", Agreement(**summary["agreement"]).gap_text),
         (
             "Contacts",
-            f"robot ran into people {summary.robot_on_person_contacts} times, people into the "
-            f"robot {summary.person_on_robot_contacts} times, "
-            f"walls touched {summary.wall_contacts} times",
+            f"robot ran into people {summary['robot_on_person_contacts']} times, people into the "
+            f"robot {summary['person_on_robot_contacts']} times, "
+            f"walls touched {summary['wall_contacts']} times",
         ),
     ]
 
@@ -227,28 +184,6 @@ def _forecast_row(forecast: Forecast) -> tuple[str, str, str, str]:
 
 def _by(time_s: float | None) -> str:
     return "not in time" if time_s is None else seconds_in_words(time_s)
-
-
-def surprise_rows(inputs: ReportInputs) -> list[tuple[int, float, str, str, str]]:
-    """Episode, time in it, place, action and tail probability of the least likely decisions."""
-    found = inputs.familiarity
-    if found is None:
-        return []
-    decisions, grid = found.decisions, found.problem.grid
-    episodes, first = np.unique(decisions.episode, return_index=True)
-    began_s = dict(zip(episodes.tolist(), decisions.time_s[first].tolist(), strict=True))
-    rows = np.argsort(found.tails, kind="stable")[:_LISTED]
-    rows = rows[found.surprising[rows]]
-    return [
-        (
-            int(decisions.episode[row]),
-            float(decisions.time_s[row] - began_s[int(decisions.episode[row])]),
-            "{:.2f}, {:.2f}".format(*grid.centers_m[decisions.state[row]]),
-            "hidden" if action == HIDDEN else Action(action).name.lower(),
-            f"{found.tails[row]:.1e}",
-        )
-        for row, action in zip(rows, decisions.action[rows].tolist(), strict=True)
-    ]
 
 
 def _seconds(value: float | None) -> str:

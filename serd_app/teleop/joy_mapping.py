@@ -15,8 +15,7 @@ from typing import Annotated, Literal
 from pydantic import Field, NonNegativeInt
 
 from serd_app.teleop.twist_mux import read_parameters
-from serd_files.yaml_config import StrictModel, yaml_model
-from serd_files.yaml_text import write_yaml
+from serd_files.yaml_config import StrictModel, write_yaml, yaml_model
 from serd_sim.world.command import STOP, Command
 
 _BUILTIN = Path(__file__).with_name("joy.yaml")

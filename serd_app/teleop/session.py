@@ -10,7 +10,7 @@ is saved by a second end mark.
 from dataclasses import dataclass
 from typing import Literal
 
-from serd_app.drives.episode_spans import DISCARDED, END, SAVED, START, EpisodeMark
+from serd_app.drives.drive import DISCARDED, END, SAVED, START, EpisodeMark
 from serd_app.errors import TeleopError
 from serd_core.grid.grid import Action
 from serd_sim.episodes.episode import EpisodeProgress

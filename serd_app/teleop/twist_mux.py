@@ -9,9 +9,8 @@ commands only:
 
     v' = clip(clip(w, low, high), v - a dt, v + a dt)
 
-Settings are a YAML file in the vocabulary of twist_mux, of which a file is accepted as it is: its
-`NODE: ros__parameters:` frame is removed and `use_stamped` is understood. Every input has a timeout
-above 0, so that a silent one stops counting.
+Settings are a YAML file in the vocabulary of twist_mux, also within `NODE: ros__parameters:`. Every
+input has a timeout above 0, so that a silent one stops counting.
 """
 
 from collections.abc import Mapping
@@ -22,8 +21,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from serd_bag.files import read_text
-from serd_files.yaml_config import StrictModel, yaml_model
-from serd_files.yaml_text import read_yaml, write_yaml
+from serd_files.yaml_config import StrictModel, read_yaml, write_yaml, yaml_model
 from serd_sim.world.command import STOP, Command, CommandGuard
 
 _BUILTIN = Path(__file__).with_name("mux.yaml")
@@ -75,23 +73,7 @@ class MuxSettings(StrictModel):
 def load_mux(path: str | Path = "") -> MuxSettings:
     """The settings in a file, the built-in ones without a path; FileError names key and fix."""
     file = Path(path) if path else _BUILTIN
-    values = _with_stamped_spread(read_parameters(file))
-    return yaml_model(write_yaml(values), MuxSettings, name=str(file))
-
-
-def _with_stamped_spread(values: Any) -> Any:
-    """Copy `use_stamped`, which twist_mux has once for all topics, into every topic."""
-    if not isinstance(values, dict) or "use_stamped" not in values:
-        return values
-    rest = {key: value for key, value in values.items() if key != "use_stamped"}
-    topics = rest.get("topics")
-    if isinstance(topics, dict):
-        stamped = {"stamped": values["use_stamped"]}
-        rest["topics"] = {
-            name: stamped | each if isinstance(each, dict) else each
-            for name, each in topics.items()
-        }
-    return rest
+    return yaml_model(write_yaml(read_parameters(file)), MuxSettings, name=str(file))
 
 
 def _require_distinct(values: dict[str, Any], what: str) -> None:
@@ -115,24 +97,17 @@ class VelocityLimits:
     acc_lim_x_mps2: float
     acc_lim_theta_radps2: float
 
-    def speed_limited(self, wanted: Command) -> Command:
-        """The nearest command within the speed limits."""
-        return Command(
-            linear_mps=_clip(wanted.linear_mps, self.min_vel_x_mps, self.max_vel_x_mps),
-            angular_radps=_clip(
-                wanted.angular_radps, -self.max_vel_theta_radps, self.max_vel_theta_radps
-            ),
-        )
-
     def limited(self, wanted: Command, before: Command, duration_s: float) -> Command:
         """The nearest command within the limits that is reachable from `before` in that time."""
-        goal = self.speed_limited(wanted)
         reach_mps = self.acc_lim_x_mps2 * duration_s
         reach_radps = self.acc_lim_theta_radps2 * duration_s
         linear, angular = before.linear_mps, before.angular_radps
+        fastest_radps = self.max_vel_theta_radps
+        goal_mps = _clip(wanted.linear_mps, self.min_vel_x_mps, self.max_vel_x_mps)
+        goal_radps = _clip(wanted.angular_radps, -fastest_radps, fastest_radps)
         return Command(
-            linear_mps=_clip(goal.linear_mps, linear - reach_mps, linear + reach_mps),
-            angular_radps=_clip(goal.angular_radps, angular - reach_radps, angular + reach_radps),
+            linear_mps=_clip(goal_mps, linear - reach_mps, linear + reach_mps),
+            angular_radps=_clip(goal_radps, angular - reach_radps, angular + reach_radps),
         )
 
 

@@ -16,7 +16,7 @@ from serd_cli.output.terminal import console, print_json, progress_console
 from serd_ros.settings import BagReplayConfig
 
 if TYPE_CHECKING:
-    from serd_app.demonstrations.suggestion.suggest import Suggestion
+    from serd_app.demonstrations.suggest import Suggestion
 
 Bags = Annotated[list[Path], arg("bag folders, or .mcap, .db3 or .bag files", "BAG")]
 Bag = Annotated[Path, arg("bag folder, or .mcap, .db3 or .bag file", "BAG")]
@@ -92,7 +92,7 @@ def suggest(bag: Bag, output: Mapping = Path("mapping.yaml"), as_json: AsJson = 
     what was found and assumed.
     """
     require_suffix(output, ".yaml")
-    from serd_app.demonstrations.suggestion.suggest import suggest_mapping
+    from serd_app.demonstrations.suggest import suggest_mapping
 
     found = suggest_mapping(bag)
     text = found.yaml(output)

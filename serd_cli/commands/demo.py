@@ -17,8 +17,8 @@ from serd_cli.options import AsJson, free_folder, opt, resolved_scenario, valida
 from serd_cli.output.terminal import progress_console
 from serd_cli.processes.stack_run import PAGE, port_fault, run_stack, stack_environment
 from serd_cli.processes.workspace import PROJECT
-from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.settings import setting, setting_of
+from serd_files.table import EpisodeResult, load_episodes
 from serd_files.yaml_config import save_yaml_model
 from serd_ros.settings import WatchPageConfig
 from serd_sim.episodes.settings import EpisodeSettings

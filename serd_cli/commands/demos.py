@@ -16,18 +16,16 @@ crosses in about a second; --cell-size-m sets others, --area what is
 walkable.
 
 A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
-A bag of poses alone needs none: its actions are hidden, and 'serd learn'
-learns from the states. docs/sources.md lists all keys of a mapping.
+Of a bag of poses alone the actions are hidden, and 'serd learn' learns from
+the states. docs/sources.md lists all keys of a mapping.
 
 Without marks of episodes a lap ends in the goal area of the scenario, at
-a press of a button, at a stop or where it turns; the way back from the
-goal is left out.
+a stop or where it turns; the way back from the goal is left out.
 
-A table (CSV or Parquet with named columns, text of TUM, KITTI, ETH/UCY
-and PeTrack) has time, x and y, and for several agents their id: each
-is a demonstration, and all of them are the people; actions are hidden.
-Where one of them is named robot, it alone demonstrates. The key experts of
-a mapping names others; experts: people takes the people of a bag.
+A table (CSV with named columns, text of TUM, ETH/UCY and PeTrack) has time,
+x and y, and for several agents their id: each is a demonstration, and all
+of them are the people; actions are hidden. Where one of them is named
+robot, it alone demonstrates. The key experts of a mapping names others.
 """
 
 import shlex

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 from rich.text import Text
 
-from serd_app.teleop.page.access import PageAccess, read_token
+from serd_app.teleop.page.server import PageAccess, read_token
 from serd_cli.options import AsJson, arg, opt, resolved_scenario, validated, with_settings
 from serd_cli.output.terminal import console, print_json, progress_console
 from serd_cli.processes.stack_run import run_alone

@@ -2,17 +2,14 @@
 
 What 'serd demos' wrote beside the table must still be there.
 model.grid.yaml and model.learning.csv are written beside the model; with
-a prior by evidence also model.posterior.csv and model.durations.csv, and
-the information that a demonstration from each cell is expected to add:
-model.next_demonstration.csv and .png.
+a prior by evidence also model.posterior.csv and model.durations.csv.
 
 Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
 knows the dynamics; prior by evidence, predictions averaged over the
 posterior). Rewards and outcomes,
 with durations that are counted: mdce_serd (divergence prior, its weight
 by validation), its variants _coupled and _free (the expert's belief
-differs), pm_serd (Boltzmann policy). Rewards under counted dynamics:
-mdce_irl, mdce_irl_entropy, maxent_irl, policy_matching,
+differs). Rewards under counted dynamics: mdce_irl, mdce_irl_entropy,
 relative_entropy_irl.
 """
 

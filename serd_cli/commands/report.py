@@ -1,5 +1,5 @@
-"""It shows policy, value, flow, outcomes and forecast, and how usual
-demonstrations are for the model (compared.csv has a row for each).
+"""It shows policy, value, outcomes and forecast, and where demonstrations
+decided.
 
 serd report model.yaml --demonstrations decisions.csv
 
@@ -14,11 +14,7 @@ from serd_cli.options import AsJson, arg, opt, option, present
 
 Model = Annotated[Path, arg("file of a learned model")]
 Demonstrations = Annotated[
-    list[Path] | None,
-    opt("table of decisions, or bag or table of trajectories to score, repeat", callback=present),
-]
-Mapping = Annotated[
-    Path | None, opt("YAML file as for 'serd demos', not for decisions", callback=present)
+    Path | None, opt("table of decisions that 'serd demos' wrote", callback=present)
 ]
 Episodes = Annotated[
     Path | None, opt("episodes.csv that 'serd navigate --output' wrote", callback=present)
@@ -30,7 +26,6 @@ Starts = Annotated[list[str] | None, opt("x,y (m) of a forecast's start, repeat"
 def report(
     model: Model,
     demonstrations: Demonstrations = None,
-    mapping: Mapping = None,
     episodes: Episodes = None,
     scenario: OtherScenario = "",
     start: Starts = None,
@@ -41,20 +36,16 @@ def report(
     """Parse the options, write the page and print its summary."""
     from serd_app.journeys.report import ReportSources
     from serd_app.journeys.report import report as write
-    from serd_app.report.summary import headline_of
     from serd_app.report.write import summary_rows
     from serd_cli.output.terminal import console, print_json
     from serd_sim.scenario.goal import point_of
 
     starts_m = tuple(point_of(each, what="start") for each in start or ())
-    sources = ReportSources(
-        model, scenario, demonstrations or (), mapping, episodes, starts_m, policy
-    )
+    sources = ReportSources(model, scenario, demonstrations, episodes, starts_m, policy)
     done = write(sources, output)
     if as_json:
-        print_json({**done.summary.as_json(), "report": str(done.page)})
+        print_json({**done.summary, "report": str(done.page)})
         return
-    console.print(headline_of(done.summary), soft_wrap=True)
     for what, value in summary_rows(done.summary):
         console.print(f"{what}: {value}", soft_wrap=True)
     console.print(f"report: {done.page}", soft_wrap=True)

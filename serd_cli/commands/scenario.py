@@ -37,7 +37,7 @@ group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands
 ScenarioName = Annotated[str, arg("built-in scenario or YAML file")]
 MapFile = Annotated[
     Path,
-    arg("map.yaml of nav2_map_server, bag with a map topic, or area as .wkt or .geojson", "MAP"),
+    arg("map.yaml of nav2_map_server, or area as .wkt or .geojson", "MAP"),
 ]
 NewScenario = Annotated[
     Path | None, opt("scenario to write, ending in .yaml; default MAP-scenario.yaml here")
@@ -133,7 +133,6 @@ def from_map(
     output: NewScenario = None,
     goal: Annotated[str, opt("x,y (m) in the goal; default: far from the start")] = "",
     start: Annotated[str, opt("x,y (m) of the start; default: far from the goal")] = "",
-    topic: Annotated[str, opt("topic of the map in a bag")] = "map",
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
@@ -141,10 +140,10 @@ def from_map(
 
     serd scenario from-map depot.yaml --robot-radius-m 0.18 --max-speed-mps 0.3
 
-    MAP is the YAML file beside the image, as map_saver writes it, or a bag
-    with a nav_msgs/OccupancyGrid. The largest free area that is connected is
-    walkable (with --start the one around it), its borders are the walls. The
-    scenario and a plan of it are written; docs/maps.md has all of it.
+    MAP is the YAML file beside the image, as map_saver writes it. The largest
+    free area that is connected is walkable (with --start the one around it),
+    its borders are the walls. The scenario and a plan of it are written;
+    docs/maps.md has all of it.
 
     A file of polygons in metres (WKT, GeoJSON) is such an area itself, as of a
     place in which people were tracked.
@@ -160,7 +159,6 @@ def from_map(
         validated(PlaceSettings, **options),
         goal_m=point_of(goal) if goal else None,
         start_m=point_of(start, what="start") if start else None,
-        topic=topic,
         replace=output is not None,
     )
     if as_json:

@@ -14,8 +14,8 @@ from typing import Annotated, Any
 
 from rich.text import Text
 
-from serd_app.drives.episode_spans import DISCARDED
-from serd_app.teleop.page.access import PageAccess, read_token
+from serd_app.drives.drive import DISCARDED
+from serd_app.teleop.page.server import PageAccess, read_token
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
@@ -133,7 +133,7 @@ def _print_recorded(settings: TeleopSettings, folder: Path, bag: Path, *, as_jso
 
 def recorded_in(bag: Path, scenario: str) -> tuple[dict[str, int], int]:
     """How many episodes ended how, and how many decisions were not discarded."""
-    from serd_app.demonstrations.demonstrations import demonstrations_of_drives
+    from serd_app.demonstrations.discretise import demonstrations_of_drives
     from serd_app.drives.sessions import read_drives
 
     place = load_scenario(scenario)

@@ -7,12 +7,12 @@ from typing import Any
 from rich.table import Table
 
 from serd_app.journeys.navigate import Navigated, drive, finished_episodes
-from serd_app.navigation.evaluation.comparison import Comparison, reasons_text
+from serd_app.navigation.comparison import Comparison, reasons_text
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import DriveSettings
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, counting_bar, progress_console, results_kept_in
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 
 
 def print_arrival(done: Navigated, output: Path | None) -> None:

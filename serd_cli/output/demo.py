@@ -11,27 +11,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_app.demonstrations.decision_table import episodes_reaching, load_decisions, until_goal
-from serd_app.demonstrations.recorded import report_of_table
-from serd_app.drives.recorded_drive import LONGEST_GAP_S
+from serd_app.demonstrations.decision_table import load_decisions
+from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.learning_files import episodes_reaching, until_goal
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.evaluation.comparison import predicted_law, recorded_times
-from serd_app.navigation.forecast import plan_remarks
-from serd_app.report.inputs import CrowdSnapshot, FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_app.report.summary import headline_of, summary_of
+from serd_app.navigation.comparison import predicted_law, recorded_times
+from serd_app.navigation.navigator import plan_remarks
+from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
+from serd_app.report.summary import summary_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
 from serd_cli.commands.demo import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, facts_table, print_json
 from serd_files.model_file import load_model
 from serd_ros.convert.motion import from_pose
-from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.observation import People
 
 _PACKAGES = ("serd", "numpy", "scipy", "pybullet", "ros-jazzy-rclpy", "rosbags")
 _FILES = (
@@ -56,10 +54,9 @@ def report_demo(
     page = write_report(inputs, folder.root)
     summary = summary_of(inputs)
     if as_json:
-        print_json({**summary.as_json(), "report": page})
+        print_json({**summary, "report": page})
         return
     console.print()
-    console.print(headline_of(summary))
     console.print(facts_table(summary_rows(summary)))
     command = shlex.join(["serd", "navigate", str(folder.model), "--episodes", "200"])
     console.print(f"more episodes, in process: {command}", soft_wrap=True)
@@ -88,7 +85,6 @@ def report_inputs(
         episodes=folder.episodes(folder.navigation),
         predicted=predicted_law(strategy, "train"),
         timeout_s=settings.timeout_s,
-        snapshot=busy_moment(folder.bag, recording),
         run=RunFacts(
             command=shlex.join(["serd", *sys.argv[1:]]),
             how=f"ROS 2 nodes in lock-step, {scenario.pedestrians.count} pedestrians",
@@ -98,18 +94,13 @@ def report_inputs(
             versions={name: version(name) for name in _PACKAGES},
         ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
-        discretised=report_of_table(folder.decisions),
-        knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
+        knowledge=load_knowledge(outcome_files(folder.model)),
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
         recorded=recorded_times(
             strategy, until_goal(decisions, goals), episodes_reaching(decisions, goals)
         ),
     )
-
-
-_TRAIL_S = 4.0
-_MOMENT = 0.45
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,25 +121,3 @@ def read_recording(bag: Path) -> Recording:
     found = np.array(rows)[first]
     cuts = np.flatnonzero(np.diff(found[:, 0]) > LONGEST_GAP_S) + 1
     return Recording(tuple(np.split(found[:, 0], cuts)), tuple(np.split(found[:, 1:], cuts)))
-
-
-def busy_moment(bag: Path, recording: Recording) -> CrowdSnapshot:
-    """A moment of the middle episode, with the last seconds of everyone's way."""
-    middle = len(recording.poses) // 2
-    times_s, poses = recording.times_s[middle], recording.poses[middle]
-    at_s = times_s[0] + _MOMENT * (times_s[-1] - times_s[0])
-    people: dict[int, People] = {}  # by stamp in ns
-    for _, message in messages_of(bag, [topics.PEDESTRIANS]):
-        time_ns = stamp_ns(message.header.stamp)
-        if at_s - _TRAIL_S <= time_ns * 1e-9 <= at_s:
-            _, people[time_ns] = from_people_message(message)
-    kept = [index for index, time_s in enumerate(times_s) if round(time_s * 1e9) in people]
-    seen = [people[round(times_s[index] * 1e9)] for index in kept]
-    return CrowdSnapshot(
-        time_s=float(times_s[kept[-1]]),
-        robot_pose=poses[kept[-1]],
-        people_position_m=seen[-1].position_m,
-        people_velocity_mps=seen[-1].velocity_mps,
-        people_trail_m=np.array([each.position_m for each in seen]),
-        robot_trail_m=poses[kept, :2],
-    )

@@ -9,10 +9,10 @@ import numpy as np
 from rich.table import Table
 
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
-from serd_app.demonstrations.grid.flow_field import FlowField
+from serd_app.demonstrations.flow_field import FlowField
 from serd_app.demonstrations.recorded import RecordedDemonstrations
+from serd_app.drives.mapping import GAP, GOAL, STOP, TURN
 from serd_app.drives.recording import Recording
-from serd_app.drives.unmarked import BUTTON, GAP, GOAL, STOP, TURN
 from serd_app.journeys.demonstrate import Demonstrated
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, progress_console, table_of
@@ -87,7 +87,6 @@ _LEFT_OUT = (
 #: Where drives without marks are cut: what is counted, and more about it.
 _CUTS = {
     GAP: ("gap", " of more than {gap_s:.2g} s between poses"),
-    BUTTON: ("press", " of the button"),
     GOAL: ("goal", ""),
     STOP: ("stop", ""),
     TURN: ("end", " of the ways of round trips"),
@@ -117,9 +116,8 @@ def _pieces(recording: Recording) -> Iterable[str]:
     )
     n_episodes = sum(len(drive.episodes) for drive in recording.drives)
     yield (
-        f"cut into {counted(n_episodes, 'episode')} at {where}; button_topic, goals_m,"
-        " goal_area_m, stop_s, round_trips and longest_gap_s in the mapping set others,"
-        " 'serd learn --goal' the goal"
+        f"cut into {counted(n_episodes, 'episode')} at {where}; goal_area_m, stop_s,"
+        " round_trips and longest_gap_s in the mapping set others, 'serd learn --goal' the goal"
     )
 
 

@@ -4,8 +4,6 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from itertools import groupby
-from operator import itemgetter
 from typing import Any
 
 from rich.table import Table
@@ -19,7 +17,6 @@ from serd_app.report.inputs import in_words
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, finite, progress_console, table_of
 from serd_core.grid.grid import Outcome
-from serd_core.grid.navigation import NavigationProblem
 
 
 @contextmanager
@@ -38,8 +35,6 @@ def fit_progress() -> Iterator[ProgressCallback]:
 def print_learned(learned: Learned) -> None:
     """The fit as tables, what it was made of, and what the data leave open."""
     files, outcome, certainty = learned.files, learned.outcome, learned.certainty
-    if learned.missing:
-        progress_console.print(learned.missing, soft_wrap=True)
     console.print(_learned_from(files), soft_wrap=True)
     table = table_of("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(outcome.fit.feature_names):
@@ -50,7 +45,7 @@ def print_learned(learned: Learned) -> None:
     if files.elsewhere_m:
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
         console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
-    for line in (*files.remarks(), *_remarks(files.task.problem, certainty)):
+    for line in (*files.remarks(), *_remarks(certainty)):
         console.print(line, style="yellow", soft_wrap=True)
     if outcome.knowledge is not None:
         console.print("What is known of outcomes and dwell times, from where:", style="bold")
@@ -67,7 +62,7 @@ def print_learned(learned: Learned) -> None:
 
 
 def _learned_from(files: LearningFiles) -> str:
-    decisions = files.demonstrations.decisions
+    decisions = files.decisions
     left_out = f", {files.left_out()} left out" if files.left_out() else ""
     across = ", so every move is across it" if files.flow_from == "none" else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
@@ -100,7 +95,7 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "n_after_goal": files.n_after_goal,
         "n_elsewhere": files.n_elsewhere,
         "elsewhere_m": files.elsewhere_m,
-        "n_reaching_goal": files.n_reaching_goal,
+        "n_reaching_goal": len(files.reaching),
         "model": str(learned.model.resolve()),
         **page,
     }
@@ -122,19 +117,13 @@ def _outcomes_table(outcome: FitOutcome, certainty: Certainty) -> Table:
     return table
 
 
-def _remarks(problem: NavigationProblem, certainty: Certainty) -> Iterable[str]:
-    """Why there are no standard errors, and which numbers the prior alone determines."""
+def _remarks(certainty: Certainty) -> Iterable[str]:
+    """Why there are no standard errors, and which weights the prior alone determines."""
     if certainty.problem:
         yield f"no standard errors: {certainty.problem}"
-    numbers = ["log temperature"] if certainty.open_temperature else []
-    numbers += [in_words(f"reward {name}") for name in sorted(certainty.open_rewards)]
-    for model, group in groupby(certainty.open_dynamics, key=itemgetter(0)):
-        if model in problem.used_models:
-            names = ", ".join(name for _, name in group)
-            numbers.append(f"{in_words(problem.model_names[model])} ({names})")
-    if numbers:
-        open_numbers = "; ".join(numbers)
-        yield f"not determined by the decisions alone, so the prior decides: {open_numbers}"
+    if certainty.open_rewards:
+        names = "; ".join(in_words(name) for name in sorted(certainty.open_rewards))
+        yield f"rewards that the decisions alone do not determine, so the prior decides: {names}"
 
 
 def _number(value: float, digits: int = 2) -> str:

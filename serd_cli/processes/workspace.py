@@ -16,7 +16,7 @@ from serd_bag.nearest import hint
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_files.moved_names import where_or_near
-from serd_files.yaml_text import read_yaml
+from serd_files.yaml_config import read_yaml
 from serd_ros.graph.graph import PACKAGE, Stack, load_graph, placed_nodes
 
 PROJECT = Path(__file__).resolve().parents[2]

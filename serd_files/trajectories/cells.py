@@ -1,4 +1,4 @@
-"""The cells of a table: text with commas, semicolons, tabs or spaces, gzip of it, or Parquet.
+"""The cells of a table: text with commas, semicolons, tabs or spaces.
 
 Behind semicolons and tabs a comma is the decimal sign. Lines that begin with # are comments, of
 which the last that names a time, x and y names the columns, unless the first line of values does.
@@ -8,18 +8,13 @@ Columns without a name are called by their number. Public layouts state more tha
 | --- | --- | --- |
 | ETH/UCY | 4 numbers: frame, id, x, y; frames in steps of 10 | 25 frames per second, m |
 | Jülich archive | a comment `framerate: 25`, or 5 numbers: id, frame, x, y, z | rate, cm |
-| TUM | timestamp tx ty tz qx qy qz qw, or 8 numbers with a unit quaternion | s, m |
-| KITTI | rows of 12 numbers, 3 x 4 matrices of camera poses | 10 rows per second, m; x, z |
+| TUM | timestamp tx ty tz qx qy qz qw | s, m |
 | NavWareSet | timestamp, robot_x, robot_y, and x, y, column or x1, y1, x2, ... | ns, m |
 | rostopic echo -p | %time, field.... | ns, m |
-| fields of a ROS message | ...stamp.sec, ...stamp.nanosec | their sum in s |
 """
 
-import gzip
 import io
 import re
-import zlib
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,83 +29,35 @@ from serd_files.trajectories.columns import numeric, role_of
 if TYPE_CHECKING:
     import pandas as pd
 
-_PARQUET = (".parquet", ".pq")
 _COMMENT = "#"
-_GZIP, _LARGEST_BYTES = b"\x1f\x8b", 2**30
 _ETH, _ETH_STEP = ("frame", "id", "x", "y"), 10
 _JUELICH = ("id", "frame", "x", "y", "z")
-_TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
-_KITTI = ("1", "2", "3", "x", "5", "6", "7", "8", "9", "10", "11", "y")
 _IN_NS = {"time_unit": "ns", "unit": "m"}
 #: What tables with these columns state.
 _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
-    (_TUM, {"time_unit": "s", "unit": "m"}),
+    (("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"), {"time_unit": "s", "unit": "m"}),
     (("%time",), _IN_NS),
-    (("timestamp", "robot_x", "robot_y", "x", "y", "column"), {"agent": "column", **_IN_NS}),
-    (("timestamp", "robot_x", "robot_y", "x1", "y1"), _IN_NS),
 )
+#: Columns of the robot of NavWareSet, beside x, y of people by column, or x1, y1, x2, y2, ...
+_NAVWARE = ("timestamp", "robot_x", "robot_y")
 _RATE = re.compile(r"frame\s*-?rate\D{0,5}(\d+(?:\.\d+)?)", re.IGNORECASE)
 _IN_M = re.compile(r"\bin m\b")
-_STAMP = re.compile(r"(.*stamp\.)(secs?)")
-_REST_NS = {"sec": "nanosec", "secs": "nsecs"}
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """names: of all columns; stated: what the layout states, by the key of a mapping; n_skipped:
-    rows with more cells than the first."""
+    """names: of all columns; stated: what the layout states, by the key of a mapping."""
 
     frame: "pd.DataFrame"
     names: tuple[str, ...]
     stated: dict[str, Any] = field(default_factory=dict)
-    n_skipped: int = 0
 
 
 def read_cells(path: Path) -> Cells:
     """Read the cells of a file; raises FileError if it holds no table."""
-    if path.suffix in _PARQUET:
-        return _of_named_layout(_parquet(path), [])
-    content = _unpacked(path, read_bytes(path))
-    encoding = "utf-16" if content.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
-    text = content.decode(encoding, errors="replace")
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if "\0" in text[:4096]:
-        raise FileError(
-            f"{path} must be a table of text or Parquet, it is neither; unpack archives, else check"
-            " the path"
-        )
-    return _text(path, text)
-
-
-def _unpacked(path: Path, content: bytes) -> bytes:
-    """Return the content, decompressed where it is gzip."""
-    if not content.startswith(_GZIP):
-        return content
-    try:
-        unpacked = gzip.GzipFile(fileobj=io.BytesIO(content)).read(_LARGEST_BYTES + 1)
-    except (OSError, EOFError, zlib.error) as error:
-        raise FileError(f"{path} must be a file of gzip, but {error}; compress it again") from None
-    if len(unpacked) > _LARGEST_BYTES:
-        raise FileError(f"{path} must hold at most 1 GB of text; divide it, or write Parquet")
-    return unpacked
-
-
-def _parquet(path: Path) -> Cells:
-    import pandas as pd
-
-    content = io.BytesIO(read_bytes(path))
-    try:
-        frame = pd.read_parquet(content)
-    except ImportError:
-        raise FileError(f"{path} needs pyarrow; install it: pip install pyarrow") from None
-    except Exception as error:  # pyarrow raises errors of any kind for foreign bytes
-        reason = str(error).splitlines()[0]
-        raise FileError(f"{path} must be a Parquet file, but {reason}; write it again") from None
-    if frame.index.names != [None] and set(frame.index.names).isdisjoint(frame.columns):
-        frame = frame.reset_index()
-    return Cells(frame, tuple(map(str, frame.columns)))
-
-
-def _text(path: Path, text: str) -> Cells:
+        raise FileError(f"{path} must be a table of text, it is none; unpack it, or export as CSV")
     lines = [line.strip() for line in text.splitlines()]
     comments = [line.lstrip("# \t") for line in lines if line.startswith(_COMMENT)]
     rows = [line for line in lines if line and not line.startswith(_COMMENT)]
@@ -129,8 +76,8 @@ def _text(path: Path, text: str) -> Cells:
     if len(names) > frame.shape[1]:  # rows that are cut off
         frame = frame.reindex(columns=range(len(names)))
     numbers = map(str, range(len(names) + 1, frame.shape[1] + 1))
-    cells = Cells(frame, (*names, *numbers), n_skipped=len(rows) - len(frame))
-    return _of_named_layout(cells, comments) if names else _of_numbers(cells, comments)
+    cells = Cells(frame, (*names, *numbers))
+    return _of_names(cells, comments) if names else _of_numbers(cells, comments)
 
 
 def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd.DataFrame":
@@ -143,7 +90,6 @@ def _frame(path: Path, rows: Sequence[str], separator: str, decimal: str) -> "pd
             decimal=decimal,
             header=None,
             skipinitialspace=True,
-            on_bad_lines="skip",
             low_memory=False,
         )
     except (ValueError, OverflowError) as error:  # pandas' parser errors are ValueErrors
@@ -195,48 +141,46 @@ def _rate(comments: Sequence[str]) -> float | None:
     return rate if rate > 0.0 else None
 
 
-def _of_named_layout(cells: Cells, comments: Sequence[str]) -> Cells:
+def _of_names(cells: Cells, comments: Sequence[str]) -> Cells:
     """Return the cells with what their names and comments state."""
+    if set(_NAVWARE) <= set(cells.names):
+        return _navware(cells)
     for header, stated in _NAMED_LAYOUTS:
         if set(header) <= set(cells.names):
             return replace(cells, stated=stated)
     has_time = any(role_of(name) == "time" for name in cells.names)
-    return replace(_with_stamps(cells), stated={} if has_time else {"fps": _rate(comments)})
+    return replace(cells, stated={} if has_time else {"fps": _rate(comments)})
 
 
-def _with_stamps(cells: Cells) -> Cells:
-    """Return the cells with the seconds and nanoseconds of stamps added in one column of times."""
-    for column, name in enumerate(cells.names):
-        match = _STAMP.fullmatch(name.strip().lower())
-        rest = f"{name.strip()[: match.end(1)]}{_REST_NS[match[2]]}" if match else ""
-        if rest in cells.names:
-            frame, other = cells.frame.copy(), cells.names.index(rest)
-            whole_s, rest_ns = (numeric(frame.iloc[:, at]) for at in (column, other))
-            frame[frame.columns[column]] = whole_s + 1e-9 * rest_ns
-            names = (*cells.names[:column], "time [s]", *cells.names[column + 1 :])
-            return replace(cells, names=names, frame=frame)
-    return cells
+def _navware(cells: Cells) -> Cells:
+    """Return a row per agent and time of a table in which each row repeats the robot."""
+    import pandas as pd
+
+    frame = cells.frame.set_axis(list(cells.names), axis=1)
+    robot = frame[list(_NAVWARE)].drop_duplicates("timestamp").assign(id="robot")
+    parts = [robot.set_axis(["timestamp", "x", "y", "id"], axis=1)]
+    if {"x", "y", "column"} <= set(frame.columns):
+        people = frame[["timestamp", "x", "y", "column"]].dropna()
+        parts.append(people.assign(id=[f"person {each:g}" for each in people.pop("column")]))
+    for name in frame.columns:
+        if name[:1] == "x" and (number := name[1:]).isdecimal() and f"y{number}" in frame.columns:
+            person = frame[["timestamp", name, f"y{number}"]].dropna()
+            person.columns = pd.Index(["timestamp", "x", "y"])
+            parts.append(person.assign(id=f"person {number}"))
+    rows = pd.concat(parts, ignore_index=True)
+    return Cells(rows, tuple(rows.columns), _IN_NS)
 
 
 def _of_numbers(cells: Cells, comments: Sequence[str]) -> Cells:
     """Return the cells with the names of the layout that has rows of so many numbers."""
     count, rate = cells.frame.shape[1], _rate(comments)
-    numbers = np.stack([numeric(cells.frame.iloc[:, at]) for at in range(count)], axis=1)
-    known = numbers[:, :2][np.isfinite(numbers[:, :2])]
+    numbers = np.stack([numeric(cells.frame.iloc[:, at]) for at in range(min(count, 2))], axis=1)
+    known = numbers[np.isfinite(numbers)]
     has_ids = bool((known == np.floor(known)).all())
     if rate is not None or (count == len(_JUELICH) and has_ids):
         unit = "m" if any(map(_IN_M.search, comments)) else "cm"
         names = (*_JUELICH[:count], *cells.names[len(_JUELICH) :])
         return replace(cells, names=names, stated={"fps": rate, "unit": unit})
-    if count == len(_KITTI):
-        frame = cells.frame.assign(frame=np.arange(len(cells.frame)))
-        return replace(
-            cells, frame=frame, names=(*_KITTI, "frame"), stated={"fps": 10.0, "unit": "m"}
-        )
-    if count == len(_TUM):
-        norms = np.linalg.norm(numbers[:, 4:], axis=1)
-        if np.mean(np.abs(norms - 1.0) < 0.02) > 0.9:
-            return replace(cells, names=_TUM, stated={"time_unit": "s", "unit": "m"})
     if count == len(_ETH) and has_ids:
         frames = np.unique(numbers[np.isfinite(numbers[:, 0]), 0])
         if (np.diff(frames) % _ETH_STEP == 0).all():

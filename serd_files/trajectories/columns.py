@@ -1,13 +1,11 @@
-"""Which columns of a table hold the time, the ids, and the places of which agent.
+"""Which columns of a table hold the time, the ids, x and y.
 
-The names are a closed set, which docs/sources.md lists; all else is stated by a mapping. Where it
-is not certain whose the places in columns are, an error shows the mapping to write.
+The names are a closed set, which docs/sources.md lists; all else is stated by a mapping.
 """
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import yaml
@@ -23,34 +21,22 @@ if TYPE_CHECKING:
     from serd_files.trajectories.cells import Cells
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-ROBOT, PERSON = "robot", "person"
 _NAMES = {
     "time": ("time", "timestamp", "stamp", "t"),
     "frame": ("frame", "frame_id", "fr"),
     "agent": ("id", "agent", "agent_id", "person", "person_id", "ped", "ped_id", "pedestrian",
               "pedestrian_id", "track", "track_id"),
     "episode": ("episode", "episode_id", "run", "run_id", "trial", "trial_id", "scene", "scene_id"),
+    "x": ("x", "px", "tx"),
+    "y": ("y", "py", "ty"),
 }  # fmt: skip
 _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names}
+#: Columns by their roles; -1 where the table has none.
+Columns = dict[str, int]
 _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
-_CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
-_AXES = frozenset(["x", "y", "px", "py", "tx", "ty", "rx", "ry"])
-#: Words for a place, which may precede or follow the axis.
-_PLACE = frozenset(["position", "pos", "pose", "location", "center", "map", "odom", "world",
-                    "global", "local", "field"])  # fmt: skip
-#: Words in names of numbers along x and y that are places of no agent.
-_OTHER = frozenset(["v", "vel", "velocity", "speed", "twist", "linear", "angular", "acc", "cmd",
-                    "acceleration", "force", "q", "orientation", "quaternion", "cov", "std",
-                    "covariance", "error", "direction", "size", "goal", "target", "start", "end",
-                    "destination", "waypoint", "reference", "lidar", "laser", "sensor", "camera",
-                    "marker", "image"])  # fmt: skip
-_KIND_OF = {
-    **dict.fromkeys(["robot", "mobilerobot", "agv", "amr", "ego"], ROBOT),
-    **dict.fromkeys(["person", "people", "ped", "pedestrian", "human", "walker"], PERSON),
-    **dict.fromkeys(["obstacle", "actor", "p", "h"], PERSON),
-}
-_LISTED = 6
+#: Words for a place, which may precede the axis.
+_PLACE = frozenset(["position", "pos", "pose", "field"])
 
 
 class TableColumns(StrictModel):
@@ -59,8 +45,8 @@ class TableColumns(StrictModel):
     time: str = setting("", "column of times or frames: its name, or its number from 1")
     agent: str = setting("", "column of ids")
     episode: str = setting("", "column of episodes, in each of which ids and times may begin again")
-    x: str = setting("", "column of x; where people have columns of their own, that of the robot")
-    y: str = setting("", "column of y, likewise")
+    x: str = setting("", "column of x")
+    y: str = setting("", "column of y")
     fps: float | None = setting(
         None, "frames per second, where the column of times holds frames", unit="Hz", gt=0
     )
@@ -81,74 +67,14 @@ class TableColumns(StrictModel):
         return self.model_copy(update={key: stated[key] for key in stated.keys() - known})
 
 
-class Pair(NamedTuple):
-    """The columns of x and y of one agent."""
-
-    x: int
-    y: int
-
-
-class Place(NamedTuple):
-    """What the name of a column of places states.
-
-    agent: the other words of the name, empty for x and y alone. kind: own (x and y alone), robot,
-    person, numbered (`x1`) or unknown (`spot_x`). form: the name without its axis, which x and y of
-    one source have in common.
-    """
-
-    agent: str
-    kind: str
-    axis: str
-    form: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Numbers of columns, -1 for ids and episodes where the table has none.
-
-    pairs: by agent; the key is empty where one pair holds the places of all agents. remarks:
-    sentences about columns that are not used.
-    """
-
-    time: int
-    agent: int
-    episode: int
-    pairs: Mapping[str, Pair]
-    remarks: tuple[str, ...] = ()
-
-
 def role_of(name: str) -> str | None:
-    """Return what the name of a column stands for: frame, time, agent, episode, x or y."""
-    role = _ROLE_OF.get("_".join(word.lower() for word in _WORD.findall(_plain(name))))
-    place = None if role else place_of(name)
-    return place.axis if place and place.kind == "own" else role
+    """Return what the name of a column stands for: frame, time, agent, episode, x or y.
 
-
-def place_of(name: str) -> Place | None:
-    """Return the agent and the axis that a name states, or None for names of other columns.
-
-    >>> place_of("robot_pose_x").agent, place_of("y [cm]").axis, place_of("yaw")
-    ('robot', 'y', None)
+    >>> role_of("pose.position.x"), role_of("Track_ID"), role_of("y [cm]"), role_of("yaw")
+    ('x', 'agent', 'y', None)
     """
-    plain = _plain(name).lower()
-    words = _WORD.findall(plain)
-    axes = [at for at, word in enumerate(words) if word in _AXES]
-    if len(axes) != 1 or not _OTHER.isdisjoint(words):
-        return None
-    (at,) = axes
-    form = (*words[:at], words[at][:-1], *words[at + 1 :], unit_of(name) or "")
-    rest = _WORD.sub(lambda word: "" if word[0] in _AXES | _PLACE else word[0], plain)
-    agent = re.sub(r"^[\W_]+|[\W_]+$", "", rest)
-    if agent == "r" or (not agent and words[at].startswith("r")):
-        agent = ROBOT
-    letters = re.sub(r"[\W_\d]", "", agent)
-    kind = _KIND_OF.get(letters, "unknown") if letters else "numbered" if agent else "own"
-    return Place(agent, kind, words[at][-1], form)
-
-
-def _plain(name: str) -> str:
-    """Return the name without its unit, words of camel case divided."""
-    return _CAMEL.sub("_", _UNIT.sub("", name.strip()))
+    words = _WORD.findall(_UNIT.sub("", name.strip()).lower())
+    return _ROLE_OF.get("_".join(word for word in words if word not in _PLACE))
 
 
 def unit_of(name: str) -> str | None:
@@ -177,8 +103,8 @@ def numeric(column: "pd.Series[Any]") -> FloatArray:
 def mapping_of(names: Sequence[str], **columns: int) -> str:
     """Return what a mapping file must hold to name these columns.
 
-    >>> mapping_of(["t", "robot_x", "robot_y"], x=1, y=2)
-    '{x: robot_x, y: robot_y}'
+    >>> mapping_of(["t", "east", "north"], x=1, y=2)
+    '{x: east, y: north}'
 
     Columns of equal names are named by their numbers.
     """
@@ -198,23 +124,16 @@ def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
         for role in ("time", "agent", "episode", "x", "y")
         if (text := getattr(wanted, role))
     }
+    for needed in ("time", "x", "y"):
+        if needed not in given:
+            _require_one(where, cells, needed)
     by_name = {role: at for at, name in reversed(list(enumerate(names))) if (role := role_of(name))}
-    found = by_name | given
-    if "time" not in given:
-        _require_one_time(where, cells)
-        found.setdefault("time", found.get("frame", -1))
-    if {"x", "y"} <= given.keys():
-        pairs = _beside(where, names, Pair(given["x"], given["y"]))
-    elif "x" in given or "y" in given:
-        pairs = {"": Pair(found["x"], found["y"])} if {"x", "y"} <= found.keys() else {}
-    else:
-        pairs = _by_name(where, cells, has_ids="agent" in found)
-    if found["time"] < 0 or not pairs:
-        raise _missing(where, names, found, has_pairs=bool(pairs))
-    used = {column for pair in pairs.values() for column in pair}
-    unused = [name for at, name in enumerate(names) if at not in used and place_of(name)]
-    columns = found["time"], found.get("agent", -1), found.get("episode", -1)
-    return Columns(*columns, pairs, _in_words(unused))
+    found = {"agent": -1, "episode": -1} | by_name | given
+    if "time" not in found and "frame" in found:
+        found["time"] = found["frame"]
+    if not found.keys() >= {"time", "x", "y"}:
+        raise _missing(where, names, found)
+    return found
 
 
 def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
@@ -229,135 +148,40 @@ def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int
     )
 
 
-def _require_one_time(where: str, cells: "Cells") -> None:
-    """Raise FileError with the mappings to write if several columns hold times."""
+def _require_one(where: str, cells: "Cells", role: str) -> None:
+    """Raise FileError with the mappings to write if several columns have the role and numbers."""
     names = cells.names
-    times = [column for column, name in enumerate(names) if role_of(name) == "time"]
-    clocks = [at for at in times if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
-    if len(clocks) > 1:
-        mappings = " or ".join(mapping_of(names, time=column) for column in clocks)
+    found = [column for column, name in enumerate(names) if role_of(name) == role]
+    found = [at for at in found if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
+    if len(found) > 1:
+        mappings = " or ".join(mapping_of(names, **{role: column}) for column in found)
         raise FileError(
-            f"{where} must have one column of times, it has"
-            f" {' and '.join(names[column] for column in clocks)}; write one of them into a"
+            f"{where} must have one column of {'times' if role == 'time' else role}, it has"
+            f" {' and '.join(names[column] for column in found)}; write one of them into a"
             f" --mapping file: {mappings}"
         )
 
 
-def _named_pairs(names: Sequence[str]) -> list[tuple[Place, Pair]]:
-    """Return the pairs of columns whose names differ by the axis alone; of names that are there
-    twice the first with the first."""
-    columns: dict[Place, dict[str, list[int]]] = {}
-    for column, name in enumerate(names):
-        if place := place_of(name):
-            axes = columns.setdefault(place._replace(axis=""), {"x": [], "y": []})
-            axes[place.axis].append(column)
-    return [
-        (place, Pair(*pair))
-        for place, axes in columns.items()
-        for pair in zip(axes["x"], axes["y"], strict=False)
-    ]
-
-
-def _of_kind(where: str, names: Sequence[str], *kinds: str, but: Pair | None) -> dict[str, Pair]:
-    """Return the pair of each agent of these kinds; raises FileError for an agent with two."""
-    by_agent: dict[str, list[Pair]] = {}
-    for place, pair in _named_pairs(names):
-        if place.kind in kinds and pair != but:
-            by_agent.setdefault(place.agent, []).append(pair)
-    for pairs in by_agent.values():
-        _require_one(where, names, pairs)
-    return {agent: pairs[0] for agent, pairs in by_agent.items()}
-
-
-def _by_name(where: str, cells: "Cells", *, has_ids: bool) -> dict[str, Pair]:
-    """Return the columns of each agent by their names, none where there are none.
-
-    x and y are a person's beside columns of a robot, and the robot's beside columns of people.
-    """
-    names = cells.names
-    own, robots, people, numbered = (
-        _of_kind(where, names, kind, but=None) for kind in ("own", ROBOT, PERSON, "numbered")
-    )
-    if robots or (own and not has_ids):  # beside a column of ids, numbers behind x are none
-        people |= {f"{PERSON} {number}": pair for number, pair in numbered.items()}
-    if robots:
-        kinds = {re.sub(r"[\W_\d]+$", "", name): name for name in robots}
-        _require_one(where, names, [robots[name] for name in kinds.values()])
-        is_person = own and not _are_same(cells, own[""], next(iter(robots.values())))
-        return robots | people | ({PERSON: own[""]} if is_person else {})
-    if own:
-        return {ROBOT: own[""], **people} if people else own
-    if people:
-        unknown = [pair for place, pair in _named_pairs(names) if place.kind == "unknown"]
-        _require_one(where, names, [*list(people.values())[:1], *unknown])
-    return people
-
-
-def _beside(where: str, names: Sequence[str], chosen: Pair) -> dict[str, Pair]:
-    """Return the columns that a mapping names, and those of people beside them.
-
-    Columns of x and y alone, and of numbered ones, are of people if the robot's have its name.
-    """
-    places = [place_of(names[column]) for column in chosen]
-    has_name = all(place is not None and place.kind == ROBOT for place in places)
-    kinds = (PERSON, "own", "numbered") if has_name else (PERSON,)
-    people = _of_kind(where, names, *kinds, but=chosen)
-    people = {agent or PERSON: pair for agent, pair in people.items()}
-    return {ROBOT: chosen, **people} if people else {"": chosen}
-
-
-def _require_one(where: str, names: Sequence[str], pairs: Sequence[Pair]) -> None:
-    """Raise FileError with the mappings to write if there are several pairs."""
-    if len(pairs) == 1:
-        return
-    listed = " and ".join(f"{names[pair.x]}, {names[pair.y]}" for pair in pairs)
-    mappings = " or ".join(mapping_of(names, **pair._asdict()) for pair in pairs)
-    raise FileError(
-        f"{where} must have one pair of columns for the robot, or for x and y, it has {listed};"
-        f" write one of them into a --mapping file: {mappings}"
-    )
-
-
-def _are_same(cells: "Cells", one: Pair, other: Pair) -> bool:
-    """Whether two pairs of columns hold the same numbers."""
-    a, b = ([numeric(cells.frame.iloc[:, column]) for column in pair] for pair in (one, other))
-    return np.allclose(a, b, equal_nan=True)
-
-
-def _missing(
-    where: str, names: Sequence[str], found: Mapping[str, int], *, has_pairs: bool
-) -> FileError:
+def _missing(where: str, names: Sequence[str], found: Mapping[str, int]) -> FileError:
     """Return the error about columns that are missing, with a mapping in the order of the table."""
-    pairs = [] if has_pairs else [pair for _, pair in _named_pairs(names)]
-    needed = ["time"] if found["time"] < 0 else []
-    lacking = needed if has_pairs else [*needed, "x", "y"]
+    lacking = [role for role in ("time", "x", "y") if role not in found]
     sentence = (
         f"{where} must have columns of time, x and y, {' and '.join(lacking)}"
         f" {'is' if len(lacking) == 1 else 'are'} not among {', '.join(names)}"
     )
-    taken, chosen = set(found.values()), dict[str, int]()
-    if has_pairs or pairs:
-        taken |= {column for column, name in enumerate(names) if place_of(name)}
-        chosen = pairs[0]._asdict() if pairs else {}
-    else:
-        needed = lacking
-    rest = [column for column in range(len(names)) if column not in taken]
-    if len(rest) < len(needed):
+    rest = {at: name for at, name in enumerate(names) if at not in found.values()}
+    words = {at: _WORD.findall(name.lower()) for at, name in rest.items()}
+    if len(rest) < len(lacking):
         return FileError(f"{sentence}; export the table with them")
-    if len(rest) > len(needed) > 1 and "agent" not in found:
-        needed = [*needed[:-2], "agent", "x", "y"]
-    rest.sort(key=lambda column: "time" not in names[column].lower())
-    mapping = mapping_of(names, **dict(zip(needed, rest, strict=False)), **chosen)
+    if (
+        len(rest) > len(lacking) > 1
+        and found["agent"] < 0
+        and not any("x" in each for each in words.values())
+    ):
+        lacking = [*lacking[:-2], "agent", "x", "y"]
+    chosen = {}
+    for role in lacking:
+        chosen[role] = next((at for at in rest if role in words[at]), next(iter(rest)))
+        del rest[chosen[role]]
+    mapping = mapping_of(names, **chosen)
     return FileError(f"{sentence}; name the columns in a --mapping file, as {mapping}")
-
-
-def _in_words(unused: Sequence[str]) -> tuple[str, ...]:
-    """Return a sentence about columns that seem to hold places and are not used, if any are."""
-    if not unused:
-        return ()
-    listed = ", ".join(unused[:_LISTED]) + (", ..." if len(unused) > _LISTED else "")
-    verb = "columns {} are" if len(unused) > 1 else "column {} is"
-    return (
-        f"{verb.format(listed)} not used; 'x:' and 'y:' in a --mapping file name the columns that"
-        " are",
-    )

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serd_bag.errors import FileError
-from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
 from serd_files.trajectories.cells import Cells, read_cells
 from serd_files.trajectories.columns import Columns, TableColumns, columns_of, mapping_of, role_of
@@ -23,16 +22,13 @@ if TYPE_CHECKING:
 
 #: Names of columns that classify agents.
 _KINDS = frozenset(["type", "class", "label"])
-#: Name of the column that marks the robot, and the values that do.
-_FLAG, _TRUE = "is_robot", frozenset(["1", "1.0", "true", "yes"])
 #: Half of the shortest step between two stamps.
 _SHORTEST_S = 5e-10
 #: Share of rows, and number of them, above which ids that are in two places are rejected.
 _MANY, _FEW = 0.01, 3
 _SAME_PLACE_M = 0.1
-#: Median speeds (m/s): the highest accepted, the one below which a warning is given, and the lowest
-#: accepted.
-_FASTEST_MPS, _SLOWEST_MPS, _STILL_MPS = 40.0, 0.02, 0.005
+#: The highest and the lowest median speed (m/s) that are accepted.
+_FASTEST_MPS, _STILL_MPS = 40.0, 0.005
 #: A jump exceeds all of these; the last is a multiple of the median speed.
 _JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
 #: Most rows between two jumps that are left out as strays.
@@ -79,14 +75,15 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     points, own_clocks = on_one_clock(points)
     assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
     points, strays, n_strays = _without_strays(points)
-    points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns.episode >= 0)
-    kinds = _kinds(cells) if columns.pairs.keys() == {""} else []
-    tracks = _tracks(points, rows, kinds)
+    points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
+    tracks = _tracks(points, rows, _kinds(cells))
     if not tracks:
         raise _no_agents(path, rows)
-    left_out = (*strays, *_without_numbers(rows, cells.n_skipped), *_lists(cells))
-    n_bad = len(rows.bad) + n_strays + cells.n_skipped
-    return Trajectories(tracks, (*columns.remarks, *assumed, *jumps, *left_out), n_bad)
+    left_out = [*assumed, *jumps, *strays]
+    if len(rows.bad):
+        others = _and_others(len(rows.bad))
+        left_out.append(f"row {rows.bad[0] + 1} lacks a number of time, x or y{others}; left out")
+    return Trajectories(tracks, tuple(left_out), len(rows.bad) + n_strays)
 
 
 def _no_agents(path: Path, rows: Rows) -> FileError:
@@ -100,11 +97,10 @@ def _no_agents(path: Path, rows: Rows) -> FileError:
 
 def _candidates(cells: Cells, columns: Columns) -> list[str]:
     """Return mappings of the columns that may hold the ids of a table without them."""
-    used = {columns.time, columns.episode, *(at for pair in columns.pairs.values() for at in pair)}
     return [
         mapping_of(cells.names, agent=column)
         for column, name in enumerate(cells.names)
-        if column not in used and role_of(name) is None
+        if column not in columns.values() and role_of(name) is None
     ]
 
 
@@ -193,19 +189,14 @@ def _of_speed(path: Path, rows: Rows, points: "pd.DataFrame") -> list[str]:
             f" {speed_mps:.3g} m/s or faster; state unit: and time_unit: or fps: in a --mapping"
             " file" + ("" if rows.has_ids else ", or the column of ids by agent:")
         )
-    found, units = [], rows.assumed
-    if units:
-        keys = " and ".join(f"'{key}:'" for key in units)
-        found.append(
-            f"{' and '.join(units.values())} are assumed (then agents move at {speed_mps:.2g} m/s);"
-            f" {keys} in a --mapping file {'state' if len(units) > 1 else 'states'} others"
-        )
-    if "unit" not in units and 0 < speed_mps < _SLOWEST_MPS:
-        found.append(
-            f"agents move at {speed_mps:.2g} m/s only: 'unit:' and 'fps:' in a --mapping file state"
-            " other units"
-        )
-    return found
+    units = rows.assumed
+    if not units:
+        return []
+    keys = " and ".join(f"'{key}:'" for key in units)
+    return [
+        f"{' and '.join(units.values())} are assumed (then agents move at {speed_mps:.2g} m/s);"
+        f" {keys} in a --mapping file {'state' if len(units) > 1 else 'states'} others"
+    ]
 
 
 def _steps(points: "pd.DataFrame") -> tuple[Any, Any, Any, Any]:
@@ -276,36 +267,10 @@ def _tracks(points: "pd.DataFrame", rows: Rows, kinds: list[list[str]]) -> tuple
     )
 
 
-def _without_numbers(rows: Rows, n_skipped: int) -> tuple[str, ...]:
-    """Return sentences about rows that were left out."""
-    found = []
-    if len(rows.bad):
-        others = _and_others(len(rows.bad))
-        found.append(f"row {rows.bad[0] + 1} lacks a number of time, x or y{others}; left out")
-    if n_skipped:
-        found.append(f"{counted(n_skipped, 'row')} with more cells than the first left out")
-    return tuple(found)
-
-
-def _lists(cells: Cells) -> list[str]:
-    """Return sentences about columns of lists, as of the people of a row."""
-    given = (cells.frame.iloc[:, column].dropna() for column in range(len(cells.names)))
-    firsts = [str(column.iloc[0]).lstrip() if len(column) else "" for column in given]
-    return [
-        f"column {name} holds lists, which are not read; give people rows or columns of their own"
-        for name, first in zip(cells.names, firsts, strict=True)
-        if first.startswith(("[", "{"))
-    ]
-
-
 def _kinds(cells: Cells) -> list[list[str]]:
     """Return the class of each row's agent, by each column of classes."""
-    found = []
-    for column, name in enumerate(cells.names):
-        plain, given = name.strip().lower(), cells.frame.iloc[:, column]
-        if plain in _KINDS:
-            found.append([str(value) for value in given])
-        elif plain == _FLAG:
-            flags = (str(value).strip().lower() in _TRUE for value in given)
-            found.append(["robot" if flag else "" for flag in flags])
-    return found
+    return [
+        [str(value) for value in cells.frame.iloc[:, column]]
+        for column, name in enumerate(cells.names)
+        if name.strip().lower() in _KINDS
+    ]

@@ -1,6 +1,5 @@
 """The rows of a table: a place in metres at a time in seconds of an agent in an episode."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,12 +10,9 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_files.trajectories.cells import Cells
 from serd_files.trajectories.columns import (
     METRES,
-    ROBOT,
     Columns,
-    Pair,
     TableColumns,
     numeric,
-    place_of,
     role_of,
     unit_of,
 )
@@ -57,51 +53,29 @@ def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) ->
     """Return the rows of all agents; raises FileError where a rate or a unit is not stated."""
     import pandas as pd
 
-    frame, is_wide = cells.frame, columns.pairs.keys() != {""}
-    time_s, of_time = _seconds(where, cells, columns.time, wanted)
-    scale_of, of_place = _metres(where, cells, columns.pairs, wanted)
+    frame, has_ids = cells.frame, columns["agent"] >= 0
+    time_s, of_time = _seconds(where, cells, columns["time"], wanted)
+    scale, of_place = _metres(where, cells, columns, wanted)
     episode, labels = _episodes(cells, columns, time_s)
-    parts, ids = [], list[str]()
-    for name, pair in sorted(columns.pairs.items()):
-        agent, texts = np.zeros(len(frame), dtype=np.int64), [name or "0"]
-        if columns.agent >= 0 and not _is_one(cells, name, pair):
-            agent, texts = _numbered(frame.iloc[:, columns.agent])
-            texts = [f"{name} {text}".strip() for text in texts]
-        x, y = (scale_of[column] * numeric(frame.iloc[:, column]) for column in pair)
-        part = pd.DataFrame(
-            {
-                "row": np.arange(len(frame)),
-                "agent": np.where(agent >= 0, agent + len(ids), -1),
-                "episode": episode,
-                "time_s": time_s,
-                "x": x,
-                "y": y,
-            }
-        )
-        parts.append(part.dropna(subset=["x", "y"]) if is_wide else part)
-        ids += texts
-    rows = pd.concat(parts, ignore_index=True)
+    agent, ids = np.zeros(len(frame), dtype=np.int64), ["0"]
+    if has_ids:
+        agent, ids = _numbered(frame.iloc[:, columns["agent"]])
+    x, y = (scale[axis] * numeric(frame.iloc[:, columns[axis]]) for axis in "xy")
+    numbers = {"agent": agent, "episode": episode, "time_s": time_s, "x": x, "y": y}
+    rows = pd.DataFrame({"row": np.arange(len(frame)), **numbers})
     good = np.isfinite(rows[["time_s", "x", "y"]]).all(axis=1) & (rows.agent >= 0)
     bad, rows = rows.row[~good].to_numpy(), rows[good].reset_index(drop=True)
-    has_ids, names = is_wide or columns.agent >= 0, ids
+    names = ids
     if labels:
-        word = cells.names[columns.episode] if columns.episode >= 0 else "episode"
+        word = cells.names[columns["episode"]] if columns["episode"] >= 0 else "episode"
         key = ["agent", "episode"]
         pairs = rows[key].drop_duplicates().sort_values(key).to_numpy().tolist()
         ids = [ids[agent] for agent, _ in pairs]
-        names = of_episode = [labels[number] for _, number in pairs]
+        names = [labels[number] for _, number in pairs]
         if has_ids:
-            names = [
-                f"{name} of {word} {label}" for name, label in zip(ids, of_episode, strict=True)
-            ]
+            names = [f"{own} of {word} {label}" for own, label in zip(ids, names, strict=True)]
         rows["agent"] = rows.groupby(key).ngroup()
     return Rows(rows, bad, names, ids, has_ids, of_time | of_place)
-
-
-def _is_one(cells: Cells, name: str, pair: Pair) -> bool:
-    """Whether columns are of one agent also beside a column of ids."""
-    place = place_of(cells.names[pair.x])
-    return name == ROBOT or name[-1:].isdigit() or (place is not None and place.kind == ROBOT)
 
 
 def _seconds(
@@ -109,17 +83,13 @@ def _seconds(
 ) -> tuple[FloatArray, dict[str, str]]:
     """Return the times, NaN where there is none, and what of their unit is assumed.
 
-    Durations and dates are counted from the first one.
+    Dates are counted from the first one.
     """
     import pandas as pd
 
     given, name = cells.frame.iloc[:, column], cells.names[column]
-    if pd.api.types.is_timedelta64_dtype(given):
-        return np.asarray(given.dt.total_seconds().to_numpy(dtype=np.float64)), {}
     numbers = numeric(given)
-    is_date = pd.api.types.is_datetime64_any_dtype(given)
-    is_number = pd.api.types.is_numeric_dtype(given) or np.isfinite(numbers).any()
-    if is_date or not is_number:
+    if not (pd.api.types.is_numeric_dtype(given) or np.isfinite(numbers).any()):
         dates = pd.to_datetime(given, errors="coerce", utc=True, format="mixed")
         since = (dates - dates.min()).dt.total_seconds()
         return np.asarray(since.to_numpy(dtype=np.float64)), {}
@@ -139,23 +109,20 @@ def _seconds(
 
 
 def _metres(
-    where: str, cells: Cells, pairs: Mapping[str, Pair], wanted: TableColumns
-) -> tuple[dict[int, float], dict[str, str]]:
-    """Return a factor for each column of places, and what of their unit is assumed."""
-    columns = [column for pair in pairs.values() for column in pair]
+    where: str, cells: Cells, columns: Columns, wanted: TableColumns
+) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the factors of x and y, and what of their unit is assumed."""
     if wanted.unit is not None:
-        return dict.fromkeys(columns, METRES[wanted.unit]), {}
-    units = {column: unit_of(cells.names[column]) for column in columns}
-    silent = [cells.names[column] for column, unit in units.items() if unit not in METRES]
-    stated = sorted({unit for unit in units.values() if unit in METRES})
-    if silent and stated:
+        return dict.fromkeys("xy", METRES[wanted.unit]), {}
+    units = {axis: unit_of(cells.names[columns[axis]]) or "" for axis in "xy"}
+    stated = [unit for unit in units.values() if unit in METRES]
+    if len(stated) == 1:
         raise FileError(
-            f"{where} must state the units of all places or of none, those of {', '.join(silent)}"
-            " are not stated; write them behind the names, as in x [m], or the unit of all into a"
-            f" --mapping file: {{unit: {stated[0]}}}"
+            f"{where} must state the units of x and y or of none; write them behind the names, as"
+            f" in x [m], or the unit of both into a --mapping file: {{unit: {stated[0]}}}"
         )
-    scale_of = {column: METRES.get(unit or "m", 1.0) for column, unit in units.items()}
-    return scale_of, {"unit": "places in m"} if silent else {}
+    scale = {axis: METRES.get(unit, 1.0) for axis, unit in units.items()}
+    return scale, {} if stated else {"unit": "places in m"}
 
 
 def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntArray, list[str]]:
@@ -164,8 +131,8 @@ def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntAr
     Without ids and a column of episodes, one begins where the time goes back near to the start of
     the one before.
     """
-    if columns.episode >= 0:
-        episode, labels = _numbered(cells.frame.iloc[:, columns.episode])
+    if columns["episode"] >= 0:
+        episode, labels = _numbered(cells.frame.iloc[:, columns["episode"]])
         return (episode, labels) if len(labels) > 1 else (0 * episode, [])
     back = np.diff(time_s, prepend=time_s[:1]) < 0
     begins = np.concatenate([[0], np.flatnonzero(back)])
@@ -173,7 +140,7 @@ def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntAr
     elapsed = (time_s[ends - 1] - time_s[begins])[:-1]
     fallen = time_s[ends[:-1] - 1] - time_s[begins[1:]]
     if (
-        columns.agent >= 0
+        columns["agent"] >= 0
         or len(time_s) < _FEWEST_ROWS * len(begins)
         or (fallen < _BACK * elapsed).any()
     ):

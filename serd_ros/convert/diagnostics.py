@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from serd_app.drives.episode_spans import END, EPISODE, OUTCOMES, START, EpisodeMark
+from serd_app.drives.drive import END, EPISODE, OUTCOMES, START, EpisodeMark
 from serd_ros.convert.stamp import require_one_of, stamp_ns, stamp_s, to_header
 from serd_ros.errors import MessageError
 

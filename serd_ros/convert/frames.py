@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from serd_app.drives.frame_graph import FrameGraph, matrices_of, plain_name, planar
+from serd_app.drives.transforms import FrameGraph, matrices_of, plain_name, planar
 from serd_bag.messages.plain import Transform
 from serd_core.arrays import FloatArray
 from serd_ros.endpoints import topics

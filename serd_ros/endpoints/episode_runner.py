@@ -6,10 +6,9 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from serd_app.drives.episode_spans import END, START
+from serd_app.drives.drive import END, START
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
-from serd_files.table import write_rows
+from serd_files.table import EpisodeResult, write_rows
 from serd_ros.convert.diagnostics import UNCOUNTED, from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from serd_app.drives.episode_spans import END, EpisodeMark
+from serd_app.drives.drive import END, EpisodeMark
 from serd_app.errors import TeleopError
 from serd_app.teleop.session import EpisodeEvent, EpisodeTally, Session
 from serd_bag.errors import FileError

@@ -11,7 +11,7 @@ from typing import Literal
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.demonstrations.recorded import Place, save_learnable
 from serd_app.learning.checkpoint import FitWorker, LearnerMemory
 from serd_app.learning.fit_data import FitProgress
@@ -21,6 +21,7 @@ from serd_app.learning.settings import LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
 from serd_bag.errors import BagError
 from serd_bag.files import require_file_place
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_files.errors import USER_ERRORS
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import model_yaml
@@ -171,11 +172,11 @@ class Learning(Activity):
             return
         self._again = self._config.learn_on == "episode" and memory.unlearned
 
-    def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> Demonstrations:
-        demonstrations = memory.gather(unfinished=unfinished)
-        self._save_decisions(demonstrations)
+    def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> TimedDecisions:
+        decisions = memory.gather(unfinished=unfinished)
+        self._save_decisions(decisions)
         self._node.get_logger().info(f"in this session {memory.drive.report}")
-        return demonstrations
+        return decisions
 
     def _on_learn(self, _: Trigger.Request) -> str:
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
@@ -196,28 +197,26 @@ class Learning(Activity):
         if memory is None:
             self._worker.begin(lambda report: learn(self._task, self._read(), self._config, report))
             return
-        demonstrations, warm = memory.demonstrations, None if anew else memory.warm_weights
-        if demonstrations is None:
+        decisions, warm = memory.decisions, None if anew else memory.warm_weights
+        if decisions is None:
             self._refuse("no episode has ended yet; demonstrate, then call again")
             return
-        self._worker.begin(
-            lambda report: learn(self._task, demonstrations, self._config, report, warm)
-        )
+        self._worker.begin(lambda report: learn(self._task, decisions, self._config, report, warm))
 
-    def _read(self) -> Demonstrations:
+    def _read(self) -> TimedDecisions:
         config, place = self._config, self._place
-        demonstrations, report = demonstrations_of_bag(
+        decisions, report = demonstrations_of_bag(
             config.bag, place.grid, place.patience_s, place.wait_s
         )
-        text = f"{len(demonstrations.decisions)} decisions from {config.bag}: {report}"
+        text = f"{len(decisions)} decisions from {config.bag}: {report}"
         self._node.get_logger().info(text)
         write_progress(Progress(text=text))
-        self._save_decisions(demonstrations)
-        return demonstrations
+        self._save_decisions(decisions)
+        return decisions
 
-    def _save_decisions(self, demonstrations: Demonstrations) -> None:
+    def _save_decisions(self, decisions: TimedDecisions) -> None:
         if self._config.decisions:
-            save_learnable(Path(self._config.decisions), self._place, demonstrations.decisions)
+            save_learnable(Path(self._config.decisions), self._place, decisions)
 
     def _show(self, progress: FitProgress) -> None:
         step, wall_s = progress.step, self._node.wall_s()

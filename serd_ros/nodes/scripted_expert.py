@@ -5,8 +5,8 @@ from functools import partial
 from geometry_msgs.msg import Vector3Stamped
 
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
 from serd_files.settings import setting
+from serd_files.table import EpisodeResult
 from serd_ros.convert.motion import to_intent
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints

@@ -16,16 +16,15 @@ from nav_msgs.msg import Path as PathMessage
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
 from visualization_msgs.msg import MarkerArray
 
-from serd_app.navigation.forecast import plan_remarks
-from serd_app.navigation.navigator import ArrivalRecords, Navigator
+from serd_app.navigation.navigator import ArrivalRecords, Navigator, plan_remarks
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_files.episode_table import EpisodeResult
 from serd_files.errors import USER_ERRORS
 from serd_files.files import FileWatch
 from serd_files.model_file import ModelFile
 from serd_files.settings import setting, setting_of
+from serd_files.table import EpisodeResult
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.motion import (

@@ -25,8 +25,8 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Bool
 
 from serd_app.errors import TeleopError
-from serd_app.teleop.page import requests
-from serd_app.teleop.page.requests import Hold, Joystick, Mode, Move, PageRequest
+from serd_app.teleop.page import hub as requests
+from serd_app.teleop.page.hub import Hold, Joystick, Mode, Move, PageRequest
 from serd_app.teleop.page.view import scene_of
 from serd_app.teleop.session import DirectionChoice
 from serd_core.grid.grid import Action

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from std_msgs.msg import String
 
-from serd_app.drives.episode_spans import START, EpisodeMark
-from serd_app.teleop.page.access import PageAccess, read_token
-from serd_app.teleop.page.server import PageServer
+from serd_app.drives.drive import START, EpisodeMark
+from serd_app.teleop.page.server import PageAccess, PageServer, read_token
 from serd_app.teleop.page.view import (
-    overlay_message,
     overlay_of,
     point,
     watched_scene_of,
@@ -248,7 +246,7 @@ class LearnedOverlay:
         try:
             file = yaml_model(text, ModelFile, name=_NAME)
             strategy = load_strategy(_NAME, self._scenario, "optimal", file=file)
-            self._server.show_overlay(overlay_message(overlay_of(strategy)))
+            self._server.show_overlay(overlay_of(strategy))
         except Exception as error:
             self._node.get_logger().warning(f"no overlay: {error}")
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from serd_app.drives.episode_spans import EpisodeMark
+from serd_app.drives.drive import EpisodeMark
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.stamp import stamp_s

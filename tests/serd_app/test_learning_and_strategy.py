@@ -6,27 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import Demonstrations, demonstrations_of_bag
-from serd_app.demonstrations.grid.flow_field import FlowField, save_flow
-from serd_app.errors import AppError
+from serd_app.demonstrations.discretise import demonstrations_of_bag
+from serd_app.demonstrations.flow_field import FlowField, save_flow
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.fit_data import FitProgress
-from serd_app.learning.outcome import fit_of_file, learned_traps, save_outcome
+from serd_app.learning.outcome import fit_of_file, learned_traps
 from serd_app.learning.recipe import learn, task_in
-from serd_app.learning.settings import LearningSettings
-from serd_app.places.kept_scenario import scenario_beside
-from serd_core.arrival.arriving_policy import least_time_policy, trap_states
+from serd_core.arrival.arriving_policy import trap_states
 from serd_core.ascent.ascent import Step
-from serd_core.demonstrations.decisions import Decisions, TimedDecisions
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_timed_decisions
-from serd_core.grid.grid import Action, Grid, Outcome
-from serd_core.grid.navigation import NO_FLOW, build_navigation_problem, with_dwell_times
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_files.model_file import load_model
 from serd_files.yaml_config import save_yaml_model
 from serd_ros.nodes.learner import LearnerConfig
 from serd_sim.drivers.strategy import load_strategy, start_distribution
-from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
@@ -40,7 +35,6 @@ TRUTH = np.array(
     ]
 )
 CONFIG = LearnerConfig(bag="sampled", method="mdce_serd")
-QUICK = LearningSettings(method="mdce_serd", prior_weights=(1.0,))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +53,7 @@ def outcome():
         rng=np.random.default_rng(4),
     )
     reports = []
-    return learn(task, Demonstrations(decisions), CONFIG, reports.append), reports
+    return learn(task, decisions, CONFIG, reports.append), reports
 
 
 def test_every_fit_reports_its_steps_and_the_weight_best_on_validation_is_used(outcome):
@@ -111,8 +105,8 @@ def first_episodes(number):
     everything = demonstrations_of_bag(
         SHIPPED, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s
     )[0]
-    table = everything.decisions
-    return Demonstrations(table.select_episodes(table.episodes[:number]))
+    table = everything
+    return table.select_episodes(table.episodes[:number])
 
 
 def test_one_episode_gives_weights_that_are_finite_and_from_which_later_fits_come_back():
@@ -140,63 +134,6 @@ def test_the_memory_begins_with_the_last_fit_that_converged_and_no_candidate(out
     assert memory.warm_weights is None
 
 
-def test_a_scenario_that_is_not_built_in_is_kept_beside_the_model_unless_edited(outcome, tmp_path):
-    own, path = HALLWAY.model_copy(update={"name": "my hallway"}), tmp_path / "model.yaml"
-    kept = replace(outcome[0], scenario_yaml=task_in(own, CONFIG.discount).scenario_yaml)
-    save_outcome(path, kept, grid_of(HALLWAY))
-    assert load_scenario(scenario_beside(path, "my hallway")) == own
-    save_outcome(path, outcome[0], grid_of(HALLWAY))
-    assert scenario_beside(path, "hallway") == "hallway"
-    edited = tmp_path / "new"
-    edited.mkdir()
-    (edited / "model.scenario.yaml").write_text("name: my own\n")
-    with pytest.raises(AppError, match="edited or written by hand"):
-        save_outcome(edited / "model.yaml", outcome[0], grid_of(HALLWAY))
-    assert [file.name for file in edited.iterdir()] == ["model.scenario.yaml"]
-
-
-def laps_with_waits(problem, starts, n_laps=6, n_waits=20):
-    """Each lap begins with waits, then goes to the goal as a person does who knows the way."""
-    rng, rows = np.random.default_rng(2), []
-    seconds = np.ones(problem.mdp.available.shape)
-    fastest = least_time_policy(problem, TRUTH, seconds).greedy
-    for episode in range(n_laps):
-        state = int(rng.choice(starts))
-        lap = [(state, int(Action.WAIT), state)] * n_waits
-        while state not in problem.goal_states:
-            action = int(fastest[state])
-            outcome = rng.choice(5, p=TRUTH[2])
-            following = int(problem.outcome_models.successors[state, action, outcome])
-            lap.append((state, action, following))
-            state = following
-        rows += [(episode, 1.0 * step, *row) for step, row in enumerate(lap)]
-    episode, time_s, state, action, following = map(np.array, zip(*rows, strict=True))
-    dwell_s = np.random.default_rng(3).gamma(20.0, 1 / 20, len(state))
-    ended = np.zeros(len(state), dtype=bool)
-    columns = (episode, time_s, state, action, following)
-    return Demonstrations(TimedDecisions(*columns, dwell_s=dwell_s, censored=ended))
-
-
-def test_waits_before_each_lap_teach_no_norm_without_people_and_no_start_is_a_trap(tmp_path):
-    quiet = HALLWAY.with_pedestrian_count(0)
-    task = task_in(quiet, CONFIG.discount)
-    starts = start_states_of(quiet, task.problem.grid, "train")
-    found = learn(task, laps_with_waits(task.problem, starts), QUICK)
-    assert found.fit.feature_names == ("goal", "inverse_wall_distance")
-    assert tuple(found.model.reward_weights) == found.fit.feature_names
-    path = tmp_path / "model.yaml"
-    save_outcome(path, found, task.problem.grid)
-    strategy = load_strategy(str(path), quiet, "optimal")
-    learned = strategy.driven.learned_traps
-    assert learned.looping.sum() == found.traps.n_looping_cells < 20
-    assert not len(strategy.traps.states)
-    assert (strategy.policy.greedy[starts] != Action.WAIT).all()
-    assert (strategy.arrival.within(strategy.n_steps) > 0.9).all()
-    memory = LearnerMemory(quiet, tmp_path / "state", feature_names=task.problem.feature_names)
-    memory.save_learned(found.fit)
-    assert memory.warm_weights.tolist() == found.fit.reward_weights.tolist()
-
-
 def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):
     found, _ = outcome
     problem, starts = task_in(HALLWAY, CONFIG.discount).problem, np.array([0, 0, 3])
@@ -212,37 +149,3 @@ def test_cells_from_which_a_learned_policy_never_arrives_are_counted(outcome):
     assert share in counted.sentence()
     assert "the way of least expected time" in counted.sentence()
     assert found.values()["n_looping_cells"] == found.traps.n_looping_cells < 5
-
-
-def test_cells_that_no_policy_leads_out_of_are_counted_apart(outcome):
-    """A model of a robot that never moves against the flow."""
-    rows = outcome[0].fit.outcome_probabilities.copy()
-    rows[:3] = [1.0, 0.0, 0.0, 0.0, 0.0]
-    problem, start = task_in(HALLWAY, CONFIG.discount).problem, np.zeros(1, dtype=int)
-    decisions = Decisions(start, np.zeros(1), start, start, start)
-    truth = problem.mdp.transitions.parameters_from(rows, 1.0, 5.0)
-    stuck = learned_traps(problem, decisions, outcome[0].fit.reward_weights, truth[None])
-    n_goals = len(problem.goal_states)
-    assert (stuck.n_looping_cells, stuck.n_reaching_cells) == (0, n_goals)
-    assert stuck.sentence() == (
-        f"the learned policy reaches the goal from all {n_goals} cells; from {176 - n_goals}"
-        " further cells no policy does"
-    )
-
-
-def test_cells_that_are_cut_off_do_not_reach_the_goal_however_quick_moves_are():
-    grid = Grid((0.0, 0.0), 0.2, np.array([[1, 1, 1, 0, 1, 1]], dtype=bool))
-    by_decisions = build_navigation_problem(
-        grid=grid,
-        flow=np.full(5, NO_FLOW),
-        goal_states=[0],
-        wall_distance_m=np.full(5, 0.1),
-        discount=0.99,
-    )
-    problem = with_dwell_times(by_decisions, patience_s=4.0, wait_s=1.0)
-    sure = np.eye(5)[[Outcome.FORWARD] * 3 + [Outcome.STAY]]
-    truth = problem.mdp.transitions.parameters_from(sure, 0.2, 5.0)
-    start = np.array([2])
-    decisions = Decisions(start, np.zeros(1), start, np.array([Action.WEST]), np.array([1]))
-    counted = learned_traps(problem, decisions, np.array([1.0, 0.0]), truth[None])
-    assert (counted.n_reaching_cells, counted.n_cells) == (3, 5)

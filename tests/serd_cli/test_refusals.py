@@ -63,7 +63,7 @@ REFUSED = (
     ("watch nowhere", "nowhere"),
     ("watch --address 0.0.0.0", "unless a token is given"),
     ("watch --namespace 1", "namespace must be letters"),
-    ("teleop --no-page", "the page of serd teleop has the keys"),
+    ("teleop --no-page", "always have their page"),
     ("teleop --token-file nowhere", "nowhere"),
     ("launch demonstrat", "did you mean 'demonstrate'?"),
     ("launch live sede:=3", "did you mean 'seed'?"),

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from pydantic import Field, field_validator
 
 from serd_bag.errors import FileError
-from serd_files.yaml_config import StrictModel, load_yaml_model, yaml_model
-from serd_files.yaml_text import read_yaml, write_yaml
+from serd_files.yaml_config import StrictModel, load_yaml_model, read_yaml, write_yaml, yaml_model
 
 
 class Wall(StrictModel):

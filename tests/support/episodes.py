@@ -2,7 +2,7 @@
 
 import math
 
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 
 
 def episode_result(

@@ -3,7 +3,7 @@
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 
-from serd_app.drives.episode_spans import END
+from serd_app.drives.drive import END
 from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.endpoints import qos

@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, String
 
-from serd_app.drives.episode_spans import EpisodeMark
+from serd_app.drives.drive import EpisodeMark
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
 from serd_ros.convert.motion import (

@@ -13,7 +13,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from serd_cli.processes.workspace import PROJECT, executables_of, find_command, ros_environment
-from serd_files.episode_table import load_episodes
+from serd_files.table import load_episodes
 from serd_ros.graph.graph import load_graph
 from support.changed_scenario import changed_scenario
 from support.waiting import PATIENCE_S, wait_until

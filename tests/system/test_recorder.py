@@ -13,7 +13,7 @@ from sensor_msgs.msg import Imu
 from std_msgs.msg import String
 
 from serd_app.demonstrations.decision_table import save_decisions
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_app.learning.learning_files import read_learning_files
 from serd_bag.command.rewrite import recover

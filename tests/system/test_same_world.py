@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from serd_app.drives.episode_spans import START
-from serd_files.episode_table import load_episodes
+from serd_app.drives.drive import START
+from serd_files.table import load_episodes
 from serd_ros.convert.motion import from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_sim.drivers.expert import ScriptedExpert

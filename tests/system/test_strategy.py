@@ -6,11 +6,11 @@ from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 
 from serd_app.journeys.navigate import drive
-from serd_app.navigation.navigator import load_arrivals
+from serd_app.navigation.navigator import ArrivalRow
 from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_core.grid.navigation import MODEL_NAMES
-from serd_files.episode_table import load_episodes
 from serd_files.model_file import OutcomeModel
+from serd_files.table import load_episodes, read_rows
 from serd_ros.convert.diagnostics import values_of
 from serd_ros.convert.motion import from_pose, to_pose_stamped
 from serd_ros.endpoints import qos
@@ -64,7 +64,7 @@ def watch(probe):
 
 def arrivals(tmp_path):
     path = tmp_path / "arrivals.csv"
-    return load_arrivals(path) if path.is_file() else ()
+    return read_rows(path, ArrivalRow) if path.is_file() else ()
 
 
 def row_of_a_goal_during_an_episode(watch, folder):
@@ -157,6 +157,6 @@ def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
         assert one.time_of_arrival_s == other.time_of_arrival_s
         assert one.distance_m == other.distance_m
         assert one.person_on_robot == other.person_on_robot
-    assert load_arrivals(tmp_path / "ros/arrivals.csv") == load_arrivals(
-        tmp_path / "here/arrivals.csv"
+    assert read_rows(tmp_path / "ros/arrivals.csv", ArrivalRow) == read_rows(
+        tmp_path / "here/arrivals.csv", ArrivalRow
     )

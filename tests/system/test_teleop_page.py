@@ -17,7 +17,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.drives.sessions import read_drives
 from serd_core.grid.grid import Action
 from serd_ros.convert.motion import from_odometry, from_pose
@@ -292,6 +292,6 @@ def drive_to_the_goal(page, robot):
 def check_recording(bag, place, n_decisions):
     assert [span.outcome for span in read_drives(bag)[0].episodes] == ["arrived", "discarded"]
     found, report = demonstrations_of_bag(bag, grid_of(place), place.patience_s, place.wait_s)
-    assert {Action.NORTH, Action.EAST} <= {Action(each) for each in found.decisions.action}
+    assert {Action.NORTH, Action.EAST} <= {Action(each) for each in found.action}
     # A page that is late sees several cells entered at once.
     assert 2 <= n_decisions <= report.n_decisions

@@ -17,8 +17,8 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from lab.benchmarks.report import Row, best_of, peak_memory_mb, save
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
-from serd_app.drives.episode_spans import END, START, EpisodeMark
+from serd_app.demonstrations.discretise import demonstrations_of_bag
+from serd_app.drives.drive import END, START, EpisodeMark
 from serd_bag.health.check import check_bag
 from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
@@ -73,7 +73,7 @@ def _count(messages: object) -> int:
 
 def _discretise(drive: Path) -> None:
     found, report = demonstrations_of_bag(drive, _GRID, _PATIENCE_S, _WAIT_S)
-    assert len(found.decisions) == report.n_decisions > 0
+    assert len(found) == report.n_decisions > 0
 
 
 def _read_with_rosbags(drive: Path, *, decode: bool) -> None:

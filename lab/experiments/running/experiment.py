@@ -16,8 +16,7 @@ from serd_app.report.style import save_figure
 from serd_bag.files import atomic_write_text, read_text
 from serd_core.errors import SerdError
 from serd_files.settings import setting, settings_of
-from serd_files.yaml_config import StrictModel, sentence_of
-from serd_files.yaml_text import read_yaml
+from serd_files.yaml_config import StrictModel, read_yaml, sentence_of
 from serd_sim.episodes.execution import Execution
 
 #: A setting that is a number of things, and one that is a ladder of such numbers.

@@ -16,7 +16,7 @@ from typing import Any
 
 from serd_bag.files import atomic_write_text, read_text
 from serd_core.errors import SerdError
-from serd_files.yaml_text import read_yaml, write_yaml
+from serd_files.yaml_config import read_yaml, write_yaml
 
 FILE_NAME = "provenance.yaml"
 PACKAGES = ("serd", "numpy", "scipy")

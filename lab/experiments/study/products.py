@@ -16,8 +16,7 @@ from pydantic import BaseModel
 
 from lab.experiments.running.experiment import write_files
 from lab.experiments.running.repetitions import claim_folder, read_result, write_result
-from serd_files.yaml_config import model_yaml
-from serd_files.yaml_text import write_yaml
+from serd_files.yaml_config import model_yaml, write_yaml
 from serd_sim.episodes.execution import Execution
 
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).

@@ -11,8 +11,7 @@ from lab.experiments.running.experiment import settings_of_file
 from lab.experiments.running.statistics import StatisticsSettings
 from lab.experiments.study.recordings.experts import PEOPLE
 from serd_app.learning.settings import RecipeSettings
-from serd_files.yaml_config import StrictModel, yaml_model
-from serd_files.yaml_text import write_yaml
+from serd_files.yaml_config import StrictModel, write_yaml, yaml_model
 
 YAML = Path(__file__).parent / "hallway_study.yaml"
 

@@ -1,27 +1,38 @@
-"""Maps of values per cell: visitation (Fig. 5.7), policy (5.11) and flow."""
+"""Maps of values per cell: visitation (Fig. 5.7), policy (5.11), flow; the plan of a scenario."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from serd_app.report import style
 from serd_app.report.figures.map_axes import (
     cell_map,
+    cell_squares,
     colour_bar_below,
+    draw_areas,
     draw_vectors,
+    map_figure,
     outline_traps,
 )
 from serd_app.report.style import Look
 from serd_bag.quantities import counted
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
+from serd_sim.crowd.routes import offset_loop
+from serd_sim.scenario.polygon import edges_of
 from serd_sim.scenario.scenario import Scenario
 
+_LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), (style.INK, ":"))
+#: Loops that share a leg are drawn side by side.
+_BESIDE_M = 0.13
+_ARROW_EVERY_M = 4.0
+_LARGEST_GRID = 4000
 #: Widest shaft of an arrow, in sides of its cell.
 _SLENDER = 0.11
 
@@ -46,49 +57,6 @@ def draw_visitation(
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
         axes.set_title(f"{int(decisions_per_state.sum())} decisions{n_tracks}")
-    return figure
-
-
-def draw_gain(scenario: Scenario | None, grid: Grid, gain_nats: FloatArray) -> Figure:
-    """What a demonstration from each cell (S,) is expected to add, the best start marked."""
-    with style.report_style():
-        norm = Normalize(0, max(gain_nats.max(), 1e-9))
-        figure, axes, cells = cell_map(grid, scenario, gain_nats, norm, style.VISITS_MAP)
-        star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
-        axes.plot(*grid.centers_m[int(gain_nats.argmax())], "*", color=style.BLUE, **star)
-        colour_bar_below(figure, axes, cells, "expected information in nats")
-        axes.set_title("a demonstration from the star teaches most", loc="left")
-    return figure
-
-
-def draw_surprises(
-    grid: Grid, decisions: Decisions, surprising: BoolArray, scenario: Scenario | None = None
-) -> Figure:
-    """Decisions per cell in shades of blue, and those surprising (N,) as red arrows to the cell
-    reached; a circle where it is the same cell. Wider where there are several."""
-    visits = np.bincount(decisions.state, minlength=grid.n_states).astype(np.float64)
-    moves = np.stack([decisions.state, decisions.next_state], axis=1)[surprising]
-    distinct, count = np.unique(moves, axis=0, return_counts=True)
-    state, following = distinct.T
-    with style.report_style():
-        norm = Normalize(0, max(visits.max(), 1))
-        figure, axes, cells = cell_map(grid, scenario, visits, norm, style.VALUE_MAP)
-        shift = grid.centers_m[following] - grid.centers_m[state]
-        moved = following != state
-        size = np.minimum(1.0 + np.log2(count), 4.0)
-        for each in np.unique(size[moved]):
-            here = moved & (size == each)
-            look = {"color": style.RED, "zorder": 5, "gid": "surprising moves"}
-            from_m, shift_m = grid.centers_m[state[here]], 0.8 * shift[here]
-            draw_vectors(axes, from_m, shift_m, width=0.012 * each, **look)
-        ring: Look = {"facecolors": "none", "edgecolors": style.RED, "linewidths": 1.4, "zorder": 5}
-        x_m, y_m = grid.centers_m[state[~moved]].T
-        axes.scatter(x_m, y_m, s=25 * size[~moved], gid="surprising waits", **ring)
-        colour_bar_below(figure, axes, cells, "decisions taken in the cell")
-        axes.set_title(
-            f"{int(surprising.sum())} of {counted(len(decisions), 'decision')} surprising\n"
-            "(red: to the cell reached, circle: none)"
-        )
     return figure
 
 
@@ -175,3 +143,46 @@ def draw_flow_map(
             title += f",\n{int(differing.sum())} not the scenario's (red)"
         axes.set_title(title)
     return figure
+
+
+def draw_scenario_plan(scenario: Scenario) -> Figure:
+    """The empty place in metres; the legend names the loops and how many people walk each."""
+    loops = scenario.directed_loops
+    with style.report_style():
+        figure, axes = map_figure(scenario, width_in=7.3)
+        _draw_cells(axes, scenario)
+        draw_areas(axes, scenario, filled=True)
+        handles = []
+        for number, loop in enumerate(loops):
+            colour, line = _LOOKS[number % len(_LOOKS)]
+            beside_m = _BESIDE_M * (number - 0.5 * (len(loops) - 1))
+            _draw_loop(axes, offset_loop(np.array(loop.waypoints_m), beside_m), colour, line)
+            label = f"{loop.name} (share {loop.share:g}, lane \u00b1{loop.lane_half_width_m:g} m)"
+            handles.append(Line2D([], [], color=colour, linestyle=line, label=label))
+        axes.set_title(scenario.name)
+        if handles:
+            figure.legend(handles=handles, loc="outside lower center", handlelength=2.6)
+    return figure
+
+
+def _draw_cells(axes: Axes, scenario: Scenario) -> None:
+    """The grid of decisions as hairlines, where it is not too fine to be seen."""
+    cells = scenario.cells
+    if cells.walkable.sum() > _LARGEST_GRID:
+        return
+    squares = cell_squares(cells.centers_m, cells.cell_size_m)
+    look: Look = {"facecolor": "none", "edgecolor": style.HAIRLINE, "linewidth": 0.6, "zorder": 1}
+    axes.add_collection(PatchCollection(squares, **look))
+
+
+def _draw_loop(axes: Axes, corners_m: FloatArray, colour: str, line: str) -> None:
+    closed = np.vstack([corners_m, corners_m[:1]])
+    axes.plot(*closed.T, color=colour, linestyle=line, linewidth=1.3, zorder=4, gid="loop")
+    arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+    for start, end in edges_of(corners_m):
+        length_m = float(np.hypot(*(end - start)))
+        count = max(1, round(length_m / _ARROW_EVERY_M))
+        for share in (np.arange(count) + 0.5) / count:
+            tip = start + share * (end - start) + 0.2 * (end - start) / length_m
+            tail = tip - 0.4 * (end - start) / length_m
+            axes.annotate("", xy=tip, xytext=tail, arrowprops=arrow, zorder=5)

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 from serd_files.yaml_config import StrictModel
 from serd_sim.episodes.episode import Ending, EpisodeProgress, EpisodeRecord
 from serd_sim.robot.contacts import ContactCounts

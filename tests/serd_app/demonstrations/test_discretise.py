@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_app.demonstrations import discretise
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
 from serd_app.demonstrations.discretise import (
     LOST,
     NO_COMMAND,
@@ -16,10 +15,9 @@ from serd_app.demonstrations.discretise import (
     REPEATED,
     DiscretisationReport,
     decisions_from_drive,
-    joined_reports,
+    demonstrations_of_bag,
 )
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE, RecordedDrive
+from serd_app.drives.drive import NOT_FINITE, SILENCE, EpisodeSpan, RecordedDrive
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_bag.writer import BagWriter
@@ -160,53 +158,6 @@ def test_a_drive_gives_the_decisions_that_its_places_and_commands_state(
     )
 
 
-@pytest.mark.parametrize("step_s", [0.05, 0.25, 0.4])
-def test_decisions_do_not_depend_on_how_often_poses_come(step_s):
-    recorded = east(2, [(0.0, EAST)], step_s=step_s)
-    np.testing.assert_allclose(found(recorded)[0].dwell_s[:2], [0.6, 1.0], atol=1e-9)
-    waiting = still(2, [(0.0, WAIT)], step_s=step_s)
-    np.testing.assert_allclose(found(waiting)[0].dwell_s[0], WAIT_S, atol=0.2)
-
-
-def test_a_fast_way_across_a_corner_is_two_moves():
-    decisions, _ = found(drive([(0.5, 0.5), (1.5, 1.4)], [(0.0, EAST)], **SAVED))
-    assert [row[1:4:2] for row in rows(decisions)[:2]] == [(0, 1), (1, CORNER)]
-    exact, _ = found(drive([(0.5, 0.5), (1.5, 1.5)], [(0.0, EAST)], **SAVED))
-    assert len(np.unique(exact.time_s)) == len(exact)
-    assert exact.dwell_s.min() > 0
-
-
-def test_lost_decisions_are_a_share_of_all_that_were_taken():
-    whole = east(3, [(0.0, EAST)], **SAVED)
-    report = found(with_gap(whole, 0.9, 2.1))[1]
-    assert report.fault_share == 0.25
-    assert report.faults == "25.0 % of 4 decisions are lost as poses are missing or beyond walls"
-    assert found(with_gap(whole, 0.9, 1.2))[1].fault_share == 0.0
-
-
-def test_who_leaves_across_a_wall_is_off_the_grid_and_not_blocked_there():
-    """From a cell beyond it on; before, the place is taken for one that was measured wrongly."""
-    y_m = [1.5, 2.5, 3.3, 3.9, *(4.5 + row for row in range(9))]
-    decisions, report = found(drive([(1.5, y) for y in y_m], [(0.0, HIDDEN)], **SILENT))
-    assert (len(decisions), report.dropped) == (1, {OFF_GRID: 4})
-
-
-def test_a_drive_without_poses_or_episodes_gives_nothing():
-    empty = RecordedDrive(np.zeros(0), np.zeros((0, 2)), np.array([1.0]), np.array([1]), ())
-    decisions, report = found(empty)
-    assert (len(decisions), report.dropped) == (0, {discretise.OUTSIDE_EPISODE: 1})
-    spans = (EpisodeSpan(0, 0.0, 2.0, "cut_off"),)
-    assert len(found(dataclasses.replace(empty, episodes=spans))[0]) == 0
-
-
-def test_an_intent_at_the_start_of_an_episode_is_in_it_and_one_at_its_end_is_not():
-    recorded = still(6, [(0.0, 1), (2.0, 2), (4.0, 1)])
-    spans = (EpisodeSpan(3, 0.0, 2.0, "arrived"), EpisodeSpan(4, 4.0, 6.0, "arrived"))
-    decisions, report = found(dataclasses.replace(recorded, episodes=spans))
-    assert (decisions.episode.tolist(), decisions.action.tolist()) == ([3, 4], [1, 1])
-    assert report.dropped == {discretise.OUTSIDE_EPISODE: 1}
-
-
 @settings(max_examples=150, deadline=None)
 @given(
     places=st.lists(st.tuples(st.floats(-0.4, 4.4), st.floats(-0.4, 3.4)), min_size=2, max_size=9),
@@ -288,7 +239,7 @@ def recorded_bag(tmp_path, messages):
 def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     recorded_bag.close()
     gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
-    decisions = gathered.decisions
+    decisions = gathered
     np.testing.assert_allclose(decisions.time_s, [100.0, 101.2, 103.2, 105.2], atol=1e-6)
     assert decisions.state.tolist() == [0, 1, 2, 3]
     assert decisions.next_state.tolist() == [1, 2, 3, 3]
@@ -310,7 +261,7 @@ def test_poses_and_intents_that_are_not_finite_are_counted_and_left_out(
     recorded_bag.write("/intent", messages.intent(106.05, bad, 0.0), 102)
     recorded_bag.close()
     gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
-    assert rows(gathered.decisions) == rows(sound)
+    assert rows(gathered) == rows(sound)
     assert (report.n_bad_poses, report.dropped[NOT_FINITE]) == (2, 1)
     assert str(report).endswith("; 2 poses not finite")
 
@@ -335,20 +286,6 @@ def test_a_bag_that_gives_no_decision_is_named_with_the_reason(
     for content in (b"", b"hello", bytes(200)):
         (tmp_path / "broken.mcap").write_bytes(content)
         refused(tmp_path / "broken.mcap", r"at byte 0: .*; repair it with 'serd bag recover'")
-
-
-def report_of(*counts):
-    """Decisions, censored ones and episodes; dropped; the other counts in their order."""
-    return DiscretisationReport(**dict(zip(DiscretisationReport.model_fields, counts, strict=True)))
-
-
-def test_reports_of_several_drives_are_added_count_by_count():
-    one = report_of(9, 4, 1, {OFF_GRID: 5}, 1, 2, 3, 4)
-    other = report_of(1, 1, 2, {OFF_GRID: 1, LOST: 7}, 10, 20, 30, 40)
-    both = report_of(10, 5, 3, {OFF_GRID: 6, LOST: 7}, 11, 22, 33, 44)
-    assert joined_reports([one, other]) == both
-    assert (both.n_dropped, both.n_taken, both.fault_share) == (13, 17, 7 / 17)
-    assert report_of(0, 0, 0, {}, 0, 0, 0, 0).fault_share == 0.0
 
 
 def test_repeated_episodes_are_counted_and_their_waits_are_not():

@@ -6,18 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import (
-    Demonstrations,
-    LiveDrive,
-    demonstrations_of_bag,
-    joined,
-)
-from serd_app.demonstrations.discretise import AFTER_CUT_OFF, REPEATED
-from serd_bag.errors import BagError
+from serd_app.demonstrations.decision_table import concatenate_renumbered
+from serd_app.demonstrations.discretise import AFTER_CUT_OFF, demonstrations_of_bag
+from serd_app.learning.checkpoint import LiveDrive
 from serd_bag.reader import BagReader
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.epochs import DecisionEpochs
 from support.bag_messages import OWN_TOPICS, write_bag
 
 HALLWAY = load_scenario("hallway")
@@ -52,7 +46,7 @@ def bag_of(target: Path, found) -> Path:
     return write_bag(target, OWN_TOPICS, rows)
 
 
-def live_drive(messages, earlier: Demonstrations | None = None, **options) -> LiveDrive:
+def live_drive(messages, earlier=None, **options) -> LiveDrive:
     drive = LiveDrive("live", GRID, *TIMES_S, earlier, **options)
     for topic, data in messages:
         drive.take(topic, data)
@@ -63,8 +57,8 @@ def of_bag(bag, **options):
     return demonstrations_of_bag(bag, GRID, *TIMES_S, **options)
 
 
-def same(first: Demonstrations, second: Demonstrations) -> bool:
-    columns = (each.decisions.columns().values() for each in (first, second))
+def same(first, second) -> bool:
+    columns = (each.columns().values() for each in (first, second))
     return all(map(np.array_equal, *columns))
 
 
@@ -84,8 +78,8 @@ def test_poses_alone_give_the_hidden_decisions_of_the_bag(bag, sent, n_intents):
     early = only(sent, "intent")[:n_intents]
     drive = live_drive(early + only(sent, "robot_pose", "episode"), hidden=True)
     assert same(drive.gathered(), offline)
-    assert offline.decisions.hidden.all()
-    assert moves(offline.decisions) == moves(of_bag(bag)[0].decisions)
+    assert offline.hidden.all()
+    assert moves(offline) == moves(of_bag(bag)[0])
 
 
 def test_live_messages_give_the_decisions_of_the_bag_in_whatever_order_topics_come(bag, sent):
@@ -93,7 +87,7 @@ def test_live_messages_give_the_decisions_of_the_bag_in_whatever_order_topics_co
     drive = live_drive(sent)
     assert same(drive.gathered(), offline)
     assert (drive.report, drive.n_late) == (report, 0)
-    assert drive.n_ended == len(offline.decisions.episodes)
+    assert drive.n_ended == len(offline.episodes)
     for ahead in TOPICS:
         others = only(sent, *(name for name in TOPICS if name != ahead))
         drive = live_drive(only(sent, ahead) + others)
@@ -106,8 +100,8 @@ def test_live_messages_give_the_decisions_of_the_bag_in_whatever_order_topics_co
 def test_a_bag_over_which_the_world_was_started_again_gives_both_runs(bag, tmp_path):
     found = recorded(bag, OTHER_BAG)
     both, report = of_bag(bag_of(tmp_path / "restarted", found))
-    assert same(both, joined([of_bag(bag)[0], of_bag(OTHER_BAG)[0]]))
-    assert report.n_decisions == len(both.decisions)
+    assert same(both, concatenate_renumbered([of_bag(bag)[0], of_bag(OTHER_BAG)[0]]))
+    assert report.n_decisions == len(both)
     assert same(live_drive(sent_of(found)).gathered(), both)
 
 
@@ -121,26 +115,19 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(bag, sen
     assert same(drive.gathered(), torn)
     assert drive.report == report
     assert report.dropped[AFTER_CUT_OFF] > 0
-    whole = live_drive(sent).gathered().decisions
-    for episode in torn.decisions.episodes:
-        own = torn.decisions.select_episodes([episode]).time_s
+    whole = live_drive(sent).gathered()
+    for episode in torn.episodes:
+        own = torn.select_episodes([episode]).time_s
         assert set(own) <= set(whole.select_episodes([episode]).time_s)
-
-
-def test_a_bag_that_holds_its_messages_twice_counts_them_once_and_says_so(bag, tmp_path):
-    found, report = of_bag(bag_of(tmp_path / "twice", recorded(bag, bag)))
-    once, _ = of_bag(bag)
-    assert same(found, once)
-    assert report.dropped[REPEATED] == len(once.decisions)
 
 
 def test_what_was_known_before_comes_first_and_is_counted_once(sent):
     everything = live_drive(sent).gathered()
-    decisions = everything.decisions
-    kept = Demonstrations(decisions.select_episodes(decisions.episodes[:2]))
+    decisions = everything
+    kept = decisions.select_episodes(decisions.episodes[:2])
     assert same(live_drive(sent, kept).gathered(), everything)
-    other = Demonstrations(replace(decisions, time_s=decisions.time_s + 0.5))
-    both = live_drive(sent, other).gathered().decisions
+    other = replace(decisions, time_s=decisions.time_s + 0.5)
+    both = live_drive(sent, other).gathered()
     assert len(both) == 2 * len(decisions)
     assert len(both.episodes) == 2 * len(decisions.episodes)
 
@@ -154,36 +141,11 @@ def test_poses_that_lag_behind_the_end_of_an_episode_are_waited_for(sent):
     assert drive.caught_up
 
 
-def test_a_message_too_short_for_a_stamp_is_refused():
-    with pytest.raises(BagError, match=r"must have a stamp \(12 bytes\), got 3 bytes"):
-        live_drive([("intent", b"\x00\x01\x00")])
-
-
 def test_an_episode_still_being_driven_waits_for_its_end_unless_it_is_asked_for(sent):
     marks = [index for index, (topic, _) in enumerate(sent) if topic == "episode"]
     drive = live_drive(sent[: marks[3]])
-    assert len(drive.gathered(unfinished=False).decisions.episodes) == 1
-    assert len(drive.gathered().decisions.episodes) == 2
+    assert len(drive.gathered(unfinished=False).episodes) == 1
+    assert len(drive.gathered().episodes) == 2
     # A world that starts again before it had many decisions gets a session of its own.
     short = only(sent[: marks[1] // 2], "robot_pose")
     assert same(live_drive(short + sent).gathered(), live_drive(sent).gathered())
-
-
-def test_episodes_are_divided_again_only_where_something_of_them_came_since(bag, sent, monkeypatch):
-    seen = []
-    see = DecisionEpochs.see
-    monkeypatch.setattr(
-        DecisionEpochs, "see", lambda epochs, *place: seen.append(place) or see(epochs, *place)
-    )
-    intents = only(sent, "intent")
-    half = len(intents) // 2
-    drive = live_drive(only(sent, "robot_pose", "episode") + intents[:half])
-    first, n_at_first = drive.gathered(), len(seen)
-    assert same(drive.gathered(), first)
-    assert len(seen) == n_at_first > 0
-    for each in intents[half:]:
-        drive.take(*each)
-    last = drive.gathered()
-    assert 0 < len(seen) - n_at_first < n_at_first, "of the episodes of the later intents alone"
-    assert same(last, of_bag(bag)[0])
-    assert not same(last, first)

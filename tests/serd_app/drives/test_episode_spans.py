@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.episode_spans import EpisodeMark, marks_of, spans_of_marks
+from serd_app.drives.drive import EpisodeMark, marks_of, spans_of_marks
 from serd_bag.errors import BagError
 
 GAP_S = 0.5

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import demonstrations_of_drives
-from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.drives.mapped.drive import mapped_drive_in
-from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.demonstrations.discretise import demonstrations_of_drives
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.drives.mapped import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
@@ -64,7 +64,7 @@ def record(tmp_path, messages):
 
 
 def decisions(drives):
-    table = demonstrations_of_drives(drives, GRID, 4.0, 1.0)[0].decisions
+    table = demonstrations_of_drives(drives, GRID, 4.0, 1.0)[0]
     return table.state.tolist(), table.action.tolist(), table.next_state.tolist()
 
 

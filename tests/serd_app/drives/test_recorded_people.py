@@ -1,22 +1,12 @@
-"""People of standard message types, by the definitions in the bag, and their tracks."""
+"""People of standard message types, by the definitions in the bag."""
 
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.grid.flow_field import flow_from_recordings
-from serd_app.drives.recorded_people import (
-    Sighting,
-    crowd_of_sightings,
-    recorded_sightings,
-    sightings_of_all,
-    tracks_of_sightings,
-)
+from serd_app.demonstrations.flow_field import flow_from_recordings, recorded_sightings
 from serd_app.drives.recording import Recording
-from serd_app.errors import AppError
-from serd_bag.damage import Losses
 from serd_bag.errors import BagError
-from serd_bag.messages.people import SeenPeople, SightedIds, people_of
-from serd_bag.messages.plain import Header
+from serd_bag.messages.people import SightedIds, people_of
 from serd_bag.reader import BagReader
 from serd_core.grid.grid import Grid
 from support.bag_messages import TF, Messages, write_bag
@@ -60,12 +50,7 @@ def test_people_of_each_type_are_those_of_our_topic_to_a_millimetre(tmp_path, ki
     # A detection has no velocity: it begins with the second sighting.
     known = slice(3 if kind == DETECTIONS else 0, None)
     np.testing.assert_allclose(other[1][known], own[1][known], atol=1e-3)
-    flows = [
-        flow_from_recordings(
-            [Recording(path, (), (), Losses())], sightings_of_all([path], "people"), GRID
-        )
-        for path in paths
-    ]
+    flows = [flow_from_recordings([Recording(path, ())], GRID, "people") for path in paths]
     assert flows[0].flow.tolist() == flows[1].flow.tolist()
 
 
@@ -105,12 +90,6 @@ def test_detections_of_each_layout_are_read_and_other_classes_left_out(
     assert people_of(made.message(DETECTIONS, 1.0, *walk(0), classes=classes)).ids == ids
 
 
-def test_an_id_that_was_not_seen_for_a_second_has_no_velocity(tmp_path):
-    _, velocity_mps = recorded_people(bag(tmp_path / "bag", DETECTIONS, steps=(10, 15, 30)))
-    known = np.isfinite(velocity_mps).all(axis=1)
-    assert known.tolist() == [False] * 3 + [True] * 3 + [False] * 3
-
-
 def test_a_velocity_is_taken_over_half_a_second_and_a_repeated_message_keeps_it():
     """Detectors are noisy: between two frames of a camera an error of 5 cm would be 1.5 m/s."""
     ids, made = SightedIds(), []
@@ -119,50 +98,3 @@ def test_a_velocity_is_taken_over_half_a_second_and_a_repeated_message_keeps_it(
         seen = people_of(MADE.message(DETECTIONS, time_s, place, walk_mps))
         made.append(ids.with_velocities(seen, time_s).velocity_mps[0, 0])
     np.testing.assert_allclose(made, [np.nan, 3.0, 1.0, 1.0, 0.0, np.nan], atol=1e-9)
-
-
-def sighting(time_s, places, velocities=((0.0, 0.0),), ids=None):
-    level = np.zeros((len(places), 1))
-    position_m, velocity_mps = (np.hstack([rows, level]) for rows in (places, velocities))
-    people = SeenPeople(
-        Header(0, "map"), tuple(ids or [""] * len(places)), position_m, velocity_mps
-    )
-    return Sighting(time_s, people, str(time_s).encode())
-
-
-def crossing_walks(names=None):
-    """Two people who walk through each other at 1 m/s, in an order that changes."""
-    rng = np.random.default_rng(0)
-    for t in np.arange(40) / 10:
-        order = rng.permutation(2)
-        places, velocities = np.array([[t, 0], [4 - t, 0.05]]), np.array([[1, 0], [-1, 0]])
-        ids = names and [names[row] for row in order]
-        yield sighting(t, places[order], velocities[order], ids)
-
-
-def test_people_without_ids_are_followed_through_each_other_and_each_message_counts_once():
-    walks = list(crossing_walks())
-    broken = sighting(1.05, [[np.nan, 0.0]])
-    for sightings in (walks, [*walks, *walks, broken]):
-        tracks = tracks_of_sightings(sightings)
-        assert [len(track.time_s) for track in tracks] == [40, 40]
-        ends = sorted(track.position_m[-1, 0] - track.position_m[0, 0] for track in tracks)
-        assert ends == pytest.approx([-3.9, 3.9])
-
-
-def test_a_person_who_jumps_or_was_away_is_another_one():
-    seen = [(0.0, 0.0), (0.5, 0.6), (3.0, 0.6)]
-    sightings = [sighting(begin_s + t / 10, [[0.0, y]]) for begin_s, y in seen for t in range(5)]
-    assert [len(track.time_s) for track in tracks_of_sightings(sightings)] == [5, 5, 5]
-
-
-def test_ids_name_the_tracks_of_whom_all_demonstrate():
-    crowd = crowd_of_sightings(list(crossing_walks(names=("anna", "ben"))), "here")
-    assert {track.agent for track in crowd.tracks} == {"anna", "ben"}
-    assert (len(crowd.experts), len(crowd.people)) == (2, 2)
-    assert len(crowd.position_m) == len(crowd.velocity_mps) == 80
-
-
-def test_nobody_who_is_seen_twice_gets_a_sentence():
-    with pytest.raises(AppError, match="bag here must hold people who are seen twice at least"):
-        crowd_of_sightings([sighting(0.0, [[0.0, 0.0]])], "here")

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from serd_app.drives.frame_graph import inverse, matrices_of, planar
-from serd_app.drives.transforms import TransformTree
+from serd_app.drives.transforms import RecordedTransforms, inverse, matrices_of, planar
 from serd_bag.messages.plain import Header, Transform
 
 number = st.floats(-10, 10)
@@ -33,7 +32,7 @@ def test_a_transform_is_that_of_scipy_and_its_inverse_cancels_it(rows):
 
 
 def test_poses_go_through_a_moving_and_a_static_frame():
-    tree = TransformTree()
+    tree = RecordedTransforms({})
     tree.add(transform("map", "odom", 0.0, 1.0, 0.0, 0.0), static=False)
     tree.add(transform("map", "odom", 2.0, 1.0, 2.0, math.pi / 2), static=False)
     tree.add(transform("map", "other", 0.0, 0.0, 5.0, 0.0), static=True)
@@ -53,7 +52,7 @@ def test_poses_go_through_a_moving_and_a_static_frame():
 
 def test_a_camera_that_looks_forward_is_placed_in_space_not_in_the_plane():
     """Its optical frame has z forward and x to the right: 1 m ahead of a robot that looks north."""
-    tree = TransformTree()
+    tree = RecordedTransforms({})
     tree.add(transform("map", "base", 0.0, 2.0, 3.0, math.pi / 2), static=True)
     optical = (-0.5, 0.5, -0.5, 0.5)
     tree.add(Transform(Header(0, "base"), "optical", (0.0, 0.0, 0.5, *optical)), static=True)

@@ -5,12 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.mapped.mapping import DriveMapping
-from serd_app.drives.unmarked import unmarked_spans
+from serd_app.drives.mapping import DriveMapping, unmarked_spans
 
 STEP_S = 0.1
 AREA = {"goal_area_m": ((4.5, -1.0), (5.5, -1.0), (5.5, 1.0), (4.5, 1.0))}
-GOALS = {"goals_m": ((5.0, 0.0), (0.0, 0.0)), "goal_radius_m": 0.52}
 THERE_AND_BACK = (5, 0), (0.2, 0)
 
 
@@ -27,10 +25,9 @@ def drive(*legs, speed_mps=0.5):
     return STEP_S * np.arange(len(rows)), np.array(rows)
 
 
-def spans_of(time_s, position_m, pressed_s=None, **mapping):
+def spans_of(time_s, position_m, **mapping):
     """(start, end, outcome) of each episode, and what they were cut at."""
-    mapped = DriveMapping(**mapping)
-    spans, cuts = unmarked_spans(time_s, position_m, 0.5, mapped, pressed_s)
+    spans, cuts = unmarked_spans(time_s, position_m, 0.5, DriveMapping(**mapping))
     return [(one.start_s, one.end_s, one.outcome) for one in spans], cuts
 
 
@@ -45,15 +42,11 @@ def spans_of(time_s, position_m, pressed_s=None, **mapping):
         ([(4, 0), 15.0, (4, 4)], {"stop_s": None}, {}, "0-31 unmarked"),
         ([(4, 0), 15.0, (4, 4)], {"stop_s": 20.0}, {}, "0-31 unmarked"),
         ([30.0], {}, {}, "0-30 unmarked"),
-        ([(5, 0), (0, 0), (2, 0)], GOALS, {"goal": 2},
-         "1.1-9 arrived, 11.1-19 arrived, 21.1-24 unmarked"),
         ([(5, 0), (0, 0), (5, 0), (1, 0)], AREA, {"goal": 2},
          "0-9 arrived, 11-20 return, 20-29 arrived, 31-38 return"),
         ([(5, 0), (0, 0), 15.0, (0, 3)], AREA, {"goal": 1},
          "0-9 arrived, 11-20 return, 35-41 unmarked"),
         ([(0, 5), (0.2, 0)], AREA, {"turn": 2}, "0-10 arrived, 10-20 arrived"),
-        ([(5, 0), (5, 5)], {"pressed_s": np.array([-1.0, 4.0, 12.0, 99.0])}, {"button": 2},
-         "0-4 arrived, 4-12 arrived, 12-20 unmarked"),
     ],
 )  # fmt: skip
 def test_a_drive_is_cut_by_the_rules_of_its_mapping(legs, mapping, cuts, expected):
@@ -81,7 +74,7 @@ legs = st.one_of(
 
 @given(st.lists(legs, max_size=8), st.booleans())
 def test_episodes_are_in_order_and_do_not_overlap(path, at_goal):
-    mapping = DriveMapping(goals_m=((2.0, 2.0),) if at_goal else ())
+    mapping = DriveMapping(**AREA) if at_goal else DriveMapping()
     spans, _ = unmarked_spans(*drive(*path), 0.5, mapping)
     edges = [edge for span in spans for edge in (span.start_s, span.end_s)]
     assert edges == sorted(edges)

@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import Demonstrations
-from serd_app.learning.methods import METHODS
-from serd_app.learning.recipe import LearningTask, learn, learns_durations, with_moves_as_actions
+from serd_app.learning.recipe import LearningTask, learn, with_moves_as_actions
 from serd_app.learning.settings import LearningSettings
 from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
 from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
 from serd_core.grid.navigation import (
     MODEL_NAMES,
@@ -74,18 +71,11 @@ def decisions():
 
 def learned(decisions, method, **options):
     settings = LearningSettings(method=method, discount=0.97, prior_weights=(1.0,), **options)
-    return learn(TASK, Demonstrations(decisions), settings)
+    return learn(TASK, decisions, settings)
 
 
 def means_of(outcome):
     return {row.name: row.mean_s for row in outcome.model.outcome_models}
-
-
-def test_the_methods_by_evidence_learn_durations_where_actions_are_known(decisions):
-    hidden = replace(decisions, action=np.full(len(decisions), HIDDEN))
-    together = {method for method in METHODS if learns_durations(method, decisions)}
-    assert together == {"mdce_serd_evidence"}
-    assert not any(learns_durations(method, hidden) for method in METHODS)
 
 
 def test_a_fit_by_evidence_has_the_true_means_within_its_intervals(decisions):
@@ -112,19 +102,6 @@ def test_other_methods_count_the_laws(decisions, method):
     assert believed == pytest.approx(expected)
     for each in found.model.draws.mean_s:
         assert each == pytest.approx(expected)
-
-
-def test_counted_means_are_those_of_the_moves():
-    """Many demonstrations outweigh the prior; stays have the patience instead of a law."""
-    many = demonstrations(200, seed=1)
-    found = means_of(learned(many, "mdce_irl"))
-    moved = ~many.censored & (many.next_state != many.state) & (many.action != Action.WAIT)
-    model = PROBLEM.outcome_models.model_of[many.state, many.action]
-    for name, true_s in (("with_flow", 1.0), ("across_flow", 1.4)):
-        dwell_s = many.dwell_s[moved & (model == MODEL_NAMES.index(name))]
-        # Long dwell times are more often censored, which the law makes up for.
-        assert found[name] > dwell_s.mean()
-        assert abs(found[name] / true_s - 1.0) < 4 / np.sqrt(5 * len(dwell_s))
 
 
 def test_hidden_actions_are_those_that_lead_to_the_next_cell_and_stays_are_left_out():
@@ -162,15 +139,6 @@ def test_where_actions_are_hidden_laws_are_counted_from_moves_and_waits_stay(dec
         assert table[WAITING] == pytest.approx(stays)
 
 
-def test_waiting_leads_nowhere_in_a_problem_with_still_waits():
-    still = PROBLEM.by_decisions.with_still_waits
-    own = np.arange(GRID.n_states)[:, None]
-    assert (still.outcome_models.successors[:, Action.WAIT] == own).all()
-    assert still.mdp.transitions is still.outcome_models
-    with pytest.raises(SerdError, match=r"use problem\.by_decisions\.with_still_waits"):
-        _ = PROBLEM.with_still_waits
-
-
 def test_places_are_taken_where_left_out_episodes_support_them():
     log_pace = np.where(np.arange(GRID.n_states) // 3 % 2, np.log(3.0), 0.0)
     many = demonstrations(30, seed=2, log_pace=log_pace)
@@ -197,7 +165,7 @@ def test_places_are_not_taken_where_they_do_not_differ_or_are_not_known(decision
 def test_parameters_and_draws_come_back_from_the_model_file(decisions, tmp_path):
     """A strategy plans with what the fit learned."""
     few = decisions.select_episodes(decisions.episodes[:4])
-    found, path = learned(few, "mdce_serd_evidence"), tmp_path / "model.yaml"
+    found, path = learned(few, "mdce_serd_belief_evidence"), tmp_path / "model.yaml"
     save_yaml_model(path, found.model)
     file = load_model(path)
     assert file == found.model

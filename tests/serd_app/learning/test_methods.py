@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.learning.fit_data import fit_data
 from serd_app.learning.methods import mdce_serd_free, uniform_prior
 from serd_app.learning.settings import RecipeSettings
@@ -65,7 +65,7 @@ def test_outcomes_that_walls_make_one_everywhere_count_together():
 
 def test_with_a_free_belief_the_truth_is_the_m_estimate(problem):
     patience_s, wait_s = HALLWAY.patience_s, HALLWAY.wait_s
-    found = demonstrations_of_bag(TRAINING, problem.grid, patience_s, wait_s)[0].decisions
+    found = demonstrations_of_bag(TRAINING, problem.grid, patience_s, wait_s)[0]
     subset = found.select_episodes(range(4))
     data = fit_data(problem, subset, RecipeSettings(), np.random.default_rng(0))
     fit = mdce_serd_free(data).fit

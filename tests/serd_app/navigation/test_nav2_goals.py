@@ -67,15 +67,6 @@ def test_of_waypoints_that_come_while_one_is_sent_only_the_newest_is_sent_after_
         assert goals.state == "arrived"
 
 
-def test_a_plan_that_goes_on_is_not_sent_again(server, goals):
-    goals.take([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)], 0.0, 0.0)
-    server.answer()
-    goals.take([(1.0, 0.0, 0.0), (2.0, 0.0, 0.0)], 2.0, 2.0)
-    assert len(server.goals) == 1
-    goals.take([(1.0, 0.0, 0.0), (1.0, 1.0, 0.0)], 4.0, 4.0)
-    assert len(server.goals) == 2
-
-
 @pytest.mark.parametrize(
     ("state", "status", "code"),
     [
@@ -121,12 +112,6 @@ def test_a_request_without_an_answer_is_sent_again_and_its_late_goal_is_canceled
     assert (late.canceled, goals.state) == (True, "sent")
     assert not server.answer().canceled
     assert goals.state == "driving"
-
-
-def test_a_goal_called_off_before_the_server_answered_is_canceled_when_it_does(server, goals):
-    goals.take(HERE, 0.0, 0.0)
-    goals.cancel()
-    assert server.answer().canceled
 
 
 @pytest.mark.parametrize("seen_gone", [True, False])

@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.forecast import plan_remarks, traps_text
 from serd_app.navigation.navigator import (
-    ArrivalRow,
     GiveUp,
     Navigator,
     ProgressMonitor,
-    append_arrival,
     arrival_row,
-    load_arrivals,
+    plan_remarks,
     prediction_of,
 )
 from serd_app.navigation.settings import NavigationSettings
@@ -78,21 +75,6 @@ def test_another_model_changes_the_policy_and_a_broken_or_equal_one_nothing(
     assert (navigator.strategy, navigator.model) == (before, "model of the learner")
 
 
-def test_the_random_numbers_of_an_episode_do_not_depend_on_a_change_of_the_model(
-    navigator_of, save_model_of
-):
-    kept, changed = navigator_of(policy="soft"), navigator_of(policy="soft")
-    for navigator in (kept, changed):
-        navigator.begin(5)
-    before = changed.strategy
-    for step in range(30):
-        if step == 7:
-            changed.set_model(str(save_model_of(name="equal.yaml", method="learned again")))
-            assert changed.strategy is not before
-        here = 3.5, 9.5, 2.0 * step
-        assert decide(kept, *here) == decide(changed, *here)
-
-
 def test_off_the_grid_it_waits_and_expects_nothing(navigator_of):
     navigator, outside = navigator_of(), observation_at(9.0, 3.0)
     assert navigator.decide(outside, -1) == Action.WAIT
@@ -125,15 +107,6 @@ def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_or_has_a_new_g
         assert navigator.gave_up is None
 
 
-def test_too_little_time_left_is_given_up_where_the_settings_say_so(navigator_of):
-    for minimum, expected in ((0.0, None), (0.01, GiveUp.UNLIKELY)):
-        navigator = navigator_of(minimum_arrival_probability=minimum, timeout_s=100.0)
-        decide(navigator, 4.5, 1.5)
-        assert navigator.gave_up is None
-        decide(navigator, 4.5, 2.5, time_s=90.0)
-        assert navigator.gave_up == expected
-
-
 def test_the_remaining_time_grows_shorter_on_the_way_and_its_chances_fall_with_the_clock(
     navigator_of,
 ):
@@ -156,7 +129,7 @@ def test_traps_are_counted_by_kind_and_reported_for_a_state(navigator_of):
     rows = tuple(model_row(name, (1 - p, p, 0.0, 0.0, 0.0)) for name, p in forward.items())
     navigator = navigator_of({"outcome_models": rows, "reward_weights": {"goal": 1.0}})
     traps, grid = navigator.strategy.traps, navigator.strategy.problem.grid
-    words = traps_text(traps)
+    words = plan_remarks(navigator.strategy)[-1]
     assert words.startswith(f"{len(traps.states)} of 176 cells are traps: from ")
     assert words.endswith(
         f"from {traps.unlikely.sum()} it is reached before the time-out with less than 50%"
@@ -182,14 +155,6 @@ def test_a_drive_is_compared_with_the_forecast_of_its_first_decision(navigator_o
     assert (row.start_x_m, row.start_y_m, row.goal_x_m, row.goal_y_m) == (4.5, 9.5, 12.0, 18.0)
     late = arrival_row(prediction, episode_result(4, "aborted", reason="no progress"))
     assert np.isnan(late.predicted_share)
-
-
-def test_rows_of_arrivals_are_appended_and_survive_exactly(tmp_path):
-    path, places, law = tmp_path / "new" / "a.csv", (0.3, 1 / 3, 12.0, 18.0), (0.99, 51.05, 1e-17)
-    rows = tuple(ArrivalRow(i, 3, *places, "a, m", "arrived", "", *law, 48.9, 0.25) for i in (0, 1))
-    for row in rows:
-        append_arrival(path, row)
-    assert load_arrivals(path) == rows
 
 
 #: States 0, 1, 2 have a mean of 3, 2, 1 steps to go; the goal is state 3.

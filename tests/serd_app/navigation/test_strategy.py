@@ -5,13 +5,10 @@ import pytest
 
 from serd_bag.errors import FileError
 from serd_core.demonstrations.simulation import sample_timed_decisions
-from serd_core.policies.solved_policy import soft_policy
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelDraws, load_model
 from serd_sim.drivers.strategy import (
-    MOST_DRAWS,
     STEP_S,
-    learned_dynamics,
     load_strategy,
     start_distribution,
 )
@@ -76,17 +73,6 @@ def test_the_law_of_arrival_is_that_of_simulated_drives_whose_dwell_times_are_no
     assert law.cdf_draws.shape == (1, len(law.times_s))
 
 
-def test_the_law_of_a_cell_is_that_of_a_start_in_it(save_model_of):
-    strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal", timeout_s=60.0)
-    start = np.zeros(strategy.problem.grid.n_states)
-    start[7] = 1.0
-    alone, from_there = strategy.law_of_cell(7), strategy.law_from(start)
-    np.testing.assert_array_equal(alone.times_s, from_there.times_s)
-    np.testing.assert_allclose(alone.cdf, from_there.cdf)
-    assert alone.arrival_probability == pytest.approx(from_there.arrival_probability)
-    assert alone.times_s[-1] == pytest.approx(60.0)
-
-
 def test_patience_and_waits_are_those_of_the_place_and_a_longer_patience_arrives_later(
     save_model_of,
 ):
@@ -112,59 +98,6 @@ def test_paces_hold_on_the_grid_of_the_model_alone(save_model_of):
     np.testing.assert_allclose(np.exp(found), np.array(pace)[neither])
     there = load_strategy(path, HALLWAY, "optimal", transfer=True)
     assert not require_timed(there.problem.mdp.transitions).log_pace.any()
-
-
-def test_laws_models_and_outcomes_are_found_by_name_whatever_their_order(save_model_of):
-    usual = load_model(save_model_of())
-    kinds = ("learned", "believed", "initial")
-    turned = tuple(
-        row.model_copy(update={kind: getattr(row, kind)[::-1] for kind in kinds})
-        for row in usual.outcome_models[::-1]
-    )
-    laws, tables = tuple(MEAN_S.values()), usual.outcome_probabilities[None]
-    strategies = [
-        load_strategy(str(save_model_of(draws=draws_of(means, shapes, table), **changes)), HALLWAY,
-                      "optimal")
-        for means, shapes, table, changes in (
-            (laws, (4.0, 5.0, 6.0), tables, {}),
-            (
-                laws[::-1], (6.0, 5.0, 4.0), tables[:, ::-1, ::-1],
-                {"outcome_models": turned, "outcome_names": usual.outcome_names[::-1]},
-            ),
-        )
-    ]  # fmt: skip
-    first, second = strategies
-    np.testing.assert_array_equal(first.draws, second.draws)
-    assert np.exp(first.draws[0, -6:]).tolist() == pytest.approx([*laws, 4.0, 5.0, 6.0])
-    learned = [learned_dynamics("m", each.file, each.problem) for each in strategies]
-    np.testing.assert_array_equal(*learned)
-
-
-def draws_of(means_s, shapes, tables):
-    """One draw."""
-    return ModelDraws(
-        reward_weights=((5.0, 1.0, 0.0),),
-        shape=(shapes,),
-        mean_s=(means_s,),
-        learned=tables.tolist(),
-    )
-
-
-def test_what_the_expert_believes_has_its_own_outcomes_and_means(save_model_of):
-    belief = {"believed": (0.2,) * 5, "believed_mean_s": 3.0}
-    rows = tuple(row.model_copy(update=belief) for row in ROWS)
-    found = load_strategy(str(save_model_of(outcome_models=rows)), HALLWAY, "optimal")
-    model = require_timed(found.problem.mdp.transitions)
-    truth, belief = (
-        learned_dynamics("m", found.file, found.problem, believed=believed)
-        for believed in (False, True)
-    )
-    table = model.outcomes.local_probabilities
-    np.testing.assert_allclose(table(truth), list(OUTCOMES.values()))
-    np.testing.assert_allclose(table(belief), 0.2)
-    np.testing.assert_allclose(np.exp(truth[model.means]), list(MEAN_S.values()))
-    np.testing.assert_allclose(np.exp(belief[model.means]), 3.0)
-    np.testing.assert_allclose(np.exp(belief[model.shapes]), 4.0)
 
 
 @pytest.mark.parametrize(
@@ -225,15 +158,6 @@ def test_arrival_is_averaged_over_the_draws_and_its_curve_by_each_is_known(
     np.testing.assert_allclose(found.draws[0], alone.draws[0])
 
 
-def test_predictions_take_the_first_draws_alone_and_plans_take_all(draws, save_model_of):
-    n = MOST_DRAWS + 3
-    many = ModelDraws(**{name: getattr(draws, name)[:1] * n for name in ModelDraws.model_fields})
-    found = load_strategy(str(save_model_of(draws=many)), HALLWAY, "optimal", timeout_s=10.0)
-    assert len(found.draws) == n
-    law = found.law_from(start_distribution(HALLWAY, "train"))
-    assert law.cdf_draws.shape == (MOST_DRAWS, len(law.times_s))
-
-
 def test_the_plan_solves_the_bellman_equation_of_the_mean_of_k(draws, save_model_of):
     """The mean of P_m(k) (1 + mu g / a)^-a over the draws; stays and waits take given times."""
     found = load_strategy(str(save_model_of(draws=draws)), HALLWAY, "optimal")
@@ -255,16 +179,3 @@ def test_the_plan_solves_the_bellman_equation_of_the_mean_of_k(draws, save_model
             best = max(best, problem.features[state, action] @ weights + k @ value[following])
         residuals.append(best - value[state])
     np.testing.assert_allclose(residuals, 0.0, atol=1e-6 * np.abs(value).max())
-
-
-def test_the_soft_policy_is_the_average_over_the_draws(draws, save_model_of):
-    found = load_strategy(str(save_model_of(draws=draws)), HALLWAY, "soft")
-    model = require_timed(found.problem.mdp.transitions)
-    each = [
-        soft_policy(
-            found.problem, np.array(weights), model.local_probabilities(theta)
-        ).probabilities
-        for weights, theta in zip(draws.reward_weights, found.draws, strict=True)
-    ]
-    assert found.policy.probabilities == pytest.approx((each[0] + each[1]) / 2)
-    assert np.max(np.abs(each[0] - each[1])) > 0.05

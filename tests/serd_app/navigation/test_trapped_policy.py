@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.forecast import plan_remarks
-from serd_app.navigation.navigator import Navigator
+from serd_app.navigation.navigator import Navigator, plan_remarks
 from serd_app.navigation.settings import NavigationSettings
 from serd_core.arrival.chain import timed_arrival
 from serd_files.grid_file import flow_picture
-from serd_sim.drivers.policy_driver import model_driver
 from serd_sim.drivers.strategy import STEP_S, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.catalogue import make_planner
@@ -79,22 +77,3 @@ def test_what_is_forecast_is_the_arrival_of_what_is_driven(save_model_of):
     assert forecast.situation.startswith("driving the way of least expected time, as the learned")
     starts = start_distribution(HALLWAY, "train")
     assert strategy.law_from(starts).cdf[-1] == pytest.approx(chain.cdf[-1] @ starts)
-
-
-@pytest.mark.parametrize(
-    ("weights", "scenario"),
-    [(SHUNS_WALLS, HALLWAY), ({"goal": -5.0, "social_norm": 1.0}, QUIET), ({"goal": 1}, HALLWAY)],
-)
-def test_a_driver_by_model_file_and_the_strategy_take_the_same_actions(
-    save_model_of, weights, scenario
-):
-    path = save_model_of(reward_weights=weights)
-    strategy = load_strategy(str(path), scenario, "optimal")
-    driver = model_driver(str(path), scenario, seed=0)
-    grid = strategy.problem.grid
-    actions = [driver.decide(observation_at(*grid.centers_m[s]), s) for s in range(grid.n_states)]
-    assert all(strategy.policy.probabilities[s, action] > 0 for s, action in enumerate(actions))
-    best = strategy.learned.probabilities
-    assert (strategy.policy is strategy.learned) == (weights == {"goal": 1})
-    is_best = [best[s, action] > 0 for s, action in enumerate(actions)]
-    assert all(is_best) == (weights == {"goal": 1})

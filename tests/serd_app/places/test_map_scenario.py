@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import label
 
 from serd_app.errors import AppError
-from serd_app.places.free_area import free_area_m, outline_of_cells
+from serd_app.places.free_area import free_area_m
 from serd_app.places.map_scenario import grid_scenario, map_scenario_yaml
 from serd_app.places.ros_map import read_map
 from serd_app.places.settings import PlaceSettings
@@ -61,14 +61,6 @@ def test_a_depot_becomes_a_scenario_whose_walls_lie_on_those_of_the_map(depot):
     assert np.unique(label(scenario.cells.walkable)[0], return_counts=True)[1][1:].max() > 1000
 
 
-def test_every_cell_of_a_maze_is_reached_and_no_wall_is_crossed(maze):
-    _, scenario = scenario_of(maze)
-    assert undivided(scenario)
-    assert label(scenario.cells.walkable)[1] == 1
-    # The way between the cells that are farthest apart is far longer than the straight line.
-    assert scenario.episode_timeout_s > 1000
-
-
 @settings(max_examples=15)
 @example(seed=47010, angle=0.0, cell_m=0.5)  # a wall between two cells that tapers to nothing
 @given(seed=st.integers(0, 10**6), angle=st.floats(0.0, 1.5), cell_m=st.floats(0.3, 0.8))
@@ -108,15 +100,6 @@ def test_a_map_that_no_task_fits_into_gets_a_sentence(depot, maze):
     tiny = OccupancyRaster((0.0, 0.0), 1e-6, np.full((20, 20), FREE, dtype=np.int8))
     with pytest.raises(AppError, match="the free area must be wider than 1 mm"):
         scenario_of(tiny)
-
-
-def test_the_outline_of_cells_has_their_area_and_the_holes_among_them():
-    cells = np.ones((5, 7), dtype=bool)
-    cells[2, 3] = cells[0, 0] = False
-    outline = outline_of_cells(cells)
-    assert outline.area == 33
-    assert len(outline.interiors) == 1
-    assert len(outline.exterior.coords) - 1 == 6
 
 
 def test_a_fitted_grid_becomes_a_scenario_of_the_same_cells_unless_it_is_in_two_parts():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from serd_app.report.inputs import (
-    CrowdSnapshot,
     FileLink,
     Forecast,
     PhaseTiming,
@@ -93,24 +92,7 @@ def policy(problem: NavigationProblem, fit: FitResult) -> Policy:
 
 
 @pytest.fixture(scope="session")
-def snapshot() -> CrowdSnapshot:
-    position = np.array([[2.4, 1.0], [2.6, 3.0], [5.0, 4.6]])
-    velocity = np.array([[0.0, 1.2], [0.0, 1.3], [1.1, 0.1]])
-    back = np.linspace(1.0, 0.0, 8)[:, None, None]
-    trail = position - back * velocity
-    trail[:3, 2] = np.nan
-    return CrowdSnapshot(
-        time_s=12.5,
-        robot_pose=np.array([0.8, 0.6, 0.3]),
-        people_position_m=position,
-        people_velocity_mps=velocity,
-        people_trail_m=trail,
-        robot_trail_m=np.linspace([0.2, 0.3], [0.8, 0.6], 8),
-    )
-
-
-@pytest.fixture(scope="session")
-def inputs(scenario, problem, start, demonstrations, fit, policy, snapshot) -> ReportInputs:
+def inputs(scenario, problem, start, demonstrations, fit, policy) -> ReportInputs:
     arrived = arrival_by_state(
         problem.by_decisions, policy.probabilities, fit.outcome_probabilities, 60
     )
@@ -133,7 +115,6 @@ def inputs(scenario, problem, start, demonstrations, fit, policy, snapshot) -> R
         predicted=law,
         forecasts=tuple(Forecast(f"from place {i}", law) for i in range(3)),
         timeout_s=120.0,
-        snapshot=snapshot,
         run=RunFacts(
             command="serd demo --seed 7",
             how="in process",

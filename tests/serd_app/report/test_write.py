@@ -1,4 +1,4 @@
-"""The whole report: complete, self-contained, escaped, and equal for equal inputs; snapshots."""
+"""The whole report: complete, self-contained, escaped, and equal for equal inputs."""
 
 import json
 import re
@@ -8,15 +8,13 @@ from html.parser import HTMLParser
 import pytest
 
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.navigation.evaluation.comparison import Agreement, agreement
+from serd_app.navigation.comparison import Agreement, agreement
 from serd_app.report.inputs import FileLink, PhaseTiming
 from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report
 from serd_core.learners.serd import fit_mdce_serd
 
-FIGURES = {
-    *("hallway", "visitation", "policy", "arrival", "forecast", "flow", "outcomes"),
-}
+FIGURES = {"visitation", "policy", "arrival", "forecast"}
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
@@ -85,12 +83,12 @@ def test_the_page_shows_every_figure_with_its_caption_and_both_files(folder, tex
 
 def test_the_summary_file_holds_the_numbers_of_the_run(folder, text, inputs):
     summary = json.loads((folder / "summary.json").read_text())
-    assert summary == json.loads(json.dumps(summary_of(inputs).as_json()))
+    assert summary == json.loads(json.dumps(summary_of(inputs)))
     assert (summary["n_episodes"], summary["n_arrived"]) == (4, 3)
     assert summary["measured_median_s"] == 21.05
     assert summary["robot_on_person_contacts"] == 1
     assert summary["person_on_robot_contacts"] == 2
-    assert summary["real_time_factor"] == {"navigate": 50.0}
+    assert summary["wall_s"] == {"navigate": 2.0, "learn": 0.5}
     assert sum(summary["decisions_per_model"].values()) == summary["n_decisions"]
     found = agreement(inputs.predicted, inputs.arrival_times_s)
     assert 0 < found.gap_probability < 1
@@ -132,11 +130,8 @@ def known(inputs):
 
 
 @pytest.mark.usefixtures("quick_pictures")
-def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_next(known, tmp_path):
+def test_a_fit_with_a_posterior_shows_what_it_knows(known, tmp_path):
     page = Page(write_report(known, tmp_path).read_text())
-    assert page.tags.count("figure") == len(FIGURES) + 1
-    assert (tmp_path / "figures" / "gain.png").exists()
-    assert "Which demonstration next" in page.text
     for row in known.knowledge.outcomes[::5]:
         assert row.known_from in page.text
         assert f"{row.from_choices_nats:.2f}" in page.text
@@ -144,11 +139,3 @@ def test_a_fit_with_a_posterior_shows_what_it_knows_and_where_to_demonstrate_nex
     for law in known.knowledge.durations:
         assert f"{law.median_s:.2f} ({law.lower_s:.2f} to {law.upper_s:.2f})" in page.text
         assert f"{law.correlation:+.2f}" in page.text
-
-
-def test_decisions_of_the_fit_are_told_from_those_it_is_compared_with(known):
-    decisions = known.demonstrations
-    first = decisions.select(decisions.episode == decisions.episode[0])
-    summary = summary_of(replace(known, demonstrations=first, n_demonstrations=6))
-    assert summary.n_decisions == sum(summary.decisions_per_model.values()) == len(decisions)
-    assert summary.n_compared_decisions == len(first) < len(decisions)

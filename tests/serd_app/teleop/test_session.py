@@ -2,7 +2,7 @@
 
 import pytest
 
-from serd_app.drives.episode_spans import DISCARDED, END, SAVED, START, EpisodeMark
+from serd_app.drives.drive import DISCARDED, END, SAVED, START, EpisodeMark
 from serd_app.errors import TeleopError
 from serd_app.teleop.session import EpisodeTally, Session
 from serd_sim.scenario.scenario import load_scenario

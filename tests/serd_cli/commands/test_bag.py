@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.drives.mapping import BagMapping
 from serd_bag.formats.mcap.writer import McapWriter
 from serd_bag.reader import BagReader
 from serd_cli.processes import stack_run

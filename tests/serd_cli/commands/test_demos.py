@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.grid.flow_field import load_flow
-from serd_app.demonstrations.recorded import DemonstrationRecord, report_of_table
+from serd_app.demonstrations.flow_field import load_flow
+from serd_app.demonstrations.recorded import DemonstrationRecord
 from serd_cli.output.demonstrations import short_names
 from serd_core.grid.grid import Action
 from serd_files.grid_file import load_grid
@@ -47,7 +47,6 @@ def test_a_recording_becomes_a_table_beside_its_grid_record_and_picture(serd, dr
     record = load_yaml_model(table.with_suffix(".yaml"), DemonstrationRecord)
     assert (record.scenario, record.patience_s, record.wait_s) == ("hallway", 4.0, 1.0)
     assert record.grid_fingerprint == grid.fingerprint()
-    assert [each.n_decisions for each in record.bags] == [6]
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert f"decisions: {table}" in ended.out
     assert f"next: serd learn {table} --report report" in ended.out
@@ -85,12 +84,8 @@ def torn(bag, target, topic):
 def test_decisions_that_a_gap_of_poses_loses_are_faults(serd, drive_bag, tmp_path):
     words = ("demos", torn(drive_bag(), tmp_path / "torn", "/robot_pose"), *IN_HALLWAY)
     assert serd(*words, "--json").values["bags"][0]["fault_share"] == 1 / 6
-    report = report_of_table(TABLE)
-    assert (report.n_decisions, report.n_taken) == (5, 6)
     assert "16.7 % of 6 decisions are lost as poses are missing or beyond walls" in serd(*words).out
     assert "are lost" not in serd("demos", drive_bag("other"), *IN_HALLWAY).out
-    assert report_of_table(TABLE).fault_share == 0.0
-    assert report_of_table(tmp_path / "another.csv") is None
 
 
 def test_what_is_dropped_of_several_bags_is_counted_with_its_reason(serd, drive_bag):
@@ -112,9 +107,7 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     (values,) = serd(*words, "--json").values["bags"]
     assert 0 < values["n_decisions"] < 6
     assert "at byte" in values["damage"][0]
-    record = load_yaml_model(RECORD, DemonstrationRecord).bags[0]
-    assert list(record.damage) == values["damage"]
-    assert record.n_lost == values["n_lost"] > 0
+    assert values["n_lost"] > 0
     assert f"drive: {values['damage'][0]}" in serd(*words).out
     (bag / "metadata.yaml").unlink()
     assert "drive: messages lost: unknown, the damaged bag has no count\n" in serd(*words).out
@@ -148,9 +141,7 @@ def test_waits_while_the_robot_moves_are_reported_with_the_command_that_helps(
     assert "while the robot moves" not in ended.out
 
 
-def test_actions_are_hidden_where_they_are_asked_to_be_and_of_poses_alone(
-    serd, drive_bag, tmp_path
-):
+def test_actions_are_hidden_where_they_are_asked_to_be(serd, drive_bag):
     bag = drive_bag("one")
     assert serd("demos", bag, *IN_HALLWAY).code == 0
     shown, silent = load_decisions(TABLE), drive_bag("silent", intents=False)
@@ -162,10 +153,6 @@ def test_actions_are_hidden_where_they_are_asked_to_be_and_of_poses_alone(
         np.testing.assert_array_equal(found.state, shown.state)
         np.testing.assert_array_equal(found.next_state, shown.next_state)
     assert "6 decisions without action" in ended.out
-    renamed = drive_bag("renamed", intents=False, pose="/somewhere/pose")
-    poses = copied_bag(renamed, tmp_path / "poses", lambda each: each.topic == "/somewhere/pose")
-    assert serd("demos", poses, *IN_HALLWAY).code == 0
-    assert load_decisions(TABLE).hidden.tolist() == [True] * 6
 
 
 def write_table(path, header, rows):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from serd_app.navigation.evaluation.comparison import compare, predicted_law
-from serd_app.navigation.navigator import load_arrivals
+from serd_app.navigation.comparison import compare, predicted_law
+from serd_app.navigation.navigator import ArrivalRow
 from serd_app.navigation.settings import DriveSettings
 from serd_cli.output.arrival import remarks
-from serd_files.episode_table import load_episodes
+from serd_files.table import load_episodes, read_rows
 from serd_files.yaml_config import model_yaml
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.goal import with_goal
@@ -53,7 +53,9 @@ def test_an_interrupted_drive_goes_on_where_it_stopped_with_the_same_result(
     for folder, episodes in ((whole, 2), (parts, 1), (parts, 2)):
         words = ("--goal", "4.5,4.5", "--episodes", episodes, "--output", folder)
         assert serd("navigate", path, *words).code == 0
-    assert load_arrivals(parts / "arrivals.csv") == load_arrivals(whole / "arrivals.csv")
+    assert read_rows(parts / "arrivals.csv", ArrivalRow) == read_rows(
+        whole / "arrivals.csv", ArrivalRow
+    )
     times_s = [
         [row.time_of_arrival_s for row in load_episodes(folder / "episodes.csv")]
         for folder in (parts, whole)

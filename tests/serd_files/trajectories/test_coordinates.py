@@ -1,10 +1,10 @@
-"""Whose the columns of places are: certain, or an error with a mapping that is right."""
+"""Which columns hold time and place: certain, or an error with a mapping that is right."""
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from serd_app.drives.mapped.mapping import TableMapping
+from serd_app.drives.mapping import TableMapping
 from serd_bag.errors import FileError
 from serd_files.trajectories.read import read_trajectories
 from serd_files.yaml_config import yaml_model
@@ -23,10 +23,10 @@ ROBOT, *PEOPLE = (
 )  # fmt: skip
 
 
-def wide(names, scale=1.0):
+def wide(names):
     """A table with columns of the robot and of people, named `x y` of each."""
     pairs = zip(names.split(), np.hstack([ROBOT, *PEOPLE]).T, strict=False)
-    return pd.DataFrame({"timestamp": TIME_NS, **{name: scale * each for name, each in pairs}})
+    return pd.DataFrame({"timestamp": TIME_NS, **dict(pairs)})
 
 
 def rows_of_people(people):
@@ -39,135 +39,58 @@ def rows_of_people(people):
     return pd.concat(frames).sort_values(["timestamp", "column"], kind="stable")
 
 
-def assert_robot_among_people(found, n_people):
-    """One drive, along the path of the robot, among people who are where they were."""
+@pytest.mark.parametrize("n_people", [1, 3])
+@pytest.mark.parametrize("layout", ["rows", "columns"])
+def test_the_robot_of_navwareset_drives_among_people_by_row_or_by_column(
+    tmp_path, layout, n_people
+):
+    names = ["robot_x", "robot_y", "x1", "y1", "x2", "y2", "x3", "y3"][: 2 + 2 * n_people]
+    table = rows_of_people(PEOPLE[:n_people]) if layout == "rows" else wide(" ".join(names))
+    found = drives(tmp_path, table)
     (drive,) = found.drives
     np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
-    assert len(found.crowd.people) == n_people
-    for track, places in zip(found.crowd.people, PEOPLE, strict=False):
+    assert [track.agent for track in found.people] == [
+        f"person {number + 1}" for number in range(n_people)
+    ]
+    for track, places in zip(found.people, PEOPLE, strict=False):
         np.testing.assert_allclose(track.position_m, places, atol=1e-9)
-
-
-@pytest.mark.parametrize("n_people", [1, 3])
-def test_x_and_y_beside_those_of_the_robot_are_of_people_by_column(tmp_path, n_people):
-    """The first layout of NavWareSet."""
-    found = drives(tmp_path, rows_of_people(PEOPLE[:n_people]))
-    assert_robot_among_people(found, n_people)
-    people = [track.agent for track in found.crowd.people]
-    assert people == [f"person {number + 1}" for number in range(n_people)]
     assert any(f"robot demonstrates among {n_people} people" in each for each in found.assumed)
 
 
-@pytest.mark.parametrize(
-    "names",
-    [
-        "robot_x robot_y x y",
-        "Robot_X Robot_Y X Y",
-        "robotX robotY pos_x pos_y",
-        "agv.position.x agv.position.y x y",
-        "mobile_robot_x mobile_robot_y x y x2 y2",
-        "robot_pose_x robot_pose_y px_0 py_0 px_1 py_1",
-        "x_robot y_robot x_human1 y_human1 x_human2 y_human2",
-        "x y ped_x ped_y",
-        "pos_x pos_y x1 y1 x2 y2",
-        "rx ry x y",
-        "rx ry h1x h1y h2x h2y",
-        "robot.position.x robot.position.y person_1.position.x person_1.position.y",
-    ],
-)
-def test_the_robot_is_the_one_that_the_columns_name(tmp_path, names):
-    found = drives(tmp_path, wide(names))
-    assert_robot_among_people(found, len(names.split()) // 2 - 1)
-    assert not any("not used" in sentence for sentence in found.assumed)
+def test_x_and_y_have_the_units_of_their_own_names_or_both_none(tmp_path):
+    table = wide("x[cm] y[mm]")
+    table["x[cm]"], table["y[mm]"] = 100.0 * table["x[cm]"], 1000.0 * table["y[mm]"]
+    np.testing.assert_allclose(read(tmp_path, table).tracks[0].position_m, ROBOT, atol=1e-9)
+    with pytest.raises(FileError, match=r"must state the units of x and y or of none; .*: cm}"):
+        read(tmp_path, wide("x[cm] y"))
 
 
 @pytest.mark.parametrize(
-    ("names", "scales"),
+    ("names", "sentence", "mappings"),
     [
-        ("robot_x_cm robot_y_cm x_m y_m", (100.0, 1.0)),
-        ("robot_x [m] robot_y [m] x [mm] y [mm]", (1.0, 1000.0)),
+        ("x y pos_x pos_y", "one column of x, it has x and pos_x", ["{x: x}", "{x: pos_x}"]),
+        ("spot_x spot_y ped_x ped_y", "x and y are not among", ["{x: spot_x, y: spot_y}"]),
     ],
 )
-def test_places_have_the_units_of_their_own_names(tmp_path, names, scales):
-    table = wide("a b c d")
-    for columns, scale in zip((["a", "b"], ["c", "d"]), scales, strict=True):
-        table[columns] *= scale
-    table.columns = ["timestamp", *names.replace(" [", "[").split()]
-    assert_robot_among_people(drives(tmp_path, table), 1)
-
-
-@pytest.mark.parametrize(
-    ("names", "scale", "sentence", "mappings"),
-    [
-        ("robot_x_cm robot_y_cm x y", 100.0, "of x, y are not stated; write", ["{unit: cm}"]),
-        ("robot_x robot_y ego_x ego_y", 1.0, "has .* and .*; write one of them into a", None),
-        ("x y pos_x pos_y", 1.0, "has .* and .*; write one of them into a", None),
-        ("spot_x spot_y ped_x ped_y", 1.0, "has .* and .*; write one of them into a", None),
-        ("x1 y1 x2 y2", 1.0, "x and y are not among timestamp, ", ["{x: x1, y: y1}"]),
-    ],
-)
-def test_what_is_not_certain_is_an_error_that_shows_right_mappings(
-    tmp_path, names, scale, sentence, mappings
-):
-    x, y, other_x, other_y = names.split()
-    table = wide(names, scale)
+def test_what_is_not_certain_is_an_error_that_shows_mappings(tmp_path, names, sentence, mappings):
     with pytest.raises(FileError, match=sentence) as raised:
-        drives(tmp_path, table)
-    both = [f"{{x: {x}, y: {y}}}", f"{{x: {other_x}, y: {other_y}}}"]
-    assert sorted(mappings_in(raised.value)) == sorted(mappings or both)
-    for mapping in mappings_in(raised.value):
-        drive = drives(tmp_path, table, mapping).drives[0]
-        expected = PEOPLE[0] if mapping == both[1] else ROBOT
-        np.testing.assert_allclose(drive.position_m, expected, atol=1e-9)
+        read(tmp_path, wide(names))
+    assert mappings_in(raised.value) == mappings
+    x, y, *_ = names.split()
+    (drive,) = drives(tmp_path, wide(names), f"{{x: {x}, y: {y}}}").drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
 
 
 def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
     path = tmp_path / "table.csv"
     table = np.column_stack([STEPS / 10, ROBOT, PEOPLE[0]])
     np.savetxt(path, table, "%.4f", ",", header="t,x,y,x,y", comments="")
-    with pytest.raises(FileError, match=r"has x, y and x, y; write one of them") as raised:
+    with pytest.raises(FileError, match=r"it has x and x; write one of them") as raised:
         read_trajectories(path)
-    _, second = mappings_in(raised.value)
-    assert second == "{x: '4', y: '5'}"
-    wanted = yaml_model(second, TableMapping, name="mapping")
+    assert mappings_in(raised.value)[1] == "{x: '4'}"
+    wanted = yaml_model("{x: '4', y: '5'}", TableMapping, name="mapping")
     (track,) = read_trajectories(path, wanted).tracks
     np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)
-
-
-def test_columns_that_are_not_of_people_are_left_out_or_named(tmp_path):
-    table = wide("x y").assign(id=1, x1=0.0, y1=0.0)  # beside ids, numbers behind x are none
-    assert [track.agent for track in read(tmp_path, table).tracks] == ["1"]
-    repeated = wide("robot_x robot_y ped_x ped_y").assign(x=ROBOT[:, 0], y=ROBOT[:, 1])
-    found = drives(tmp_path, repeated)
-    assert_robot_among_people(found, 1)
-    assert found.assumed[0].startswith("columns x, y are not used")
-    table = wide("robot_x robot_y x y").assign(spot_x=9.0, goal_x=9.0, vel_x=0.6, it_x=1)
-    (sentence,) = [each for each in drives(tmp_path, table).assumed if "not used" in each]
-    assert sentence.startswith("columns spot_x, it_x are not used; 'x:' and 'y:'")
-
-
-def test_a_mapping_of_the_columns_of_the_robot_leaves_the_people_among_whom_it_drives(tmp_path):
-    table = rows_of_people(PEOPLE).assign(ego_x=1.0, ego_y=RNG.normal(size=3 * N_STEPS))
-    found = drives(tmp_path, table, "{x: robot_x, y: robot_y}")
-    assert_robot_among_people(found, 3)
-    assert found.assumed[0].startswith("columns ego_x, ego_y are not used")
-    table = wide("spot_x spot_y ped1_x ped1_y ped2_x ped2_y")
-    assert_robot_among_people(drives(tmp_path, table, "{x: spot_x, y: spot_y}"), 2)
-    table = rows_of_people(PEOPLE).rename(columns={"column": "who", "timestamp": "when"})
-    found = drives(tmp_path, table, "{agent: who, time: when, time_unit: ns}")
-    assert_robot_among_people(found, 3)
-    with pytest.raises(FileError, match=r"agent person is in two places .*\(agent:\)"):
-        drives(tmp_path, table.rename(columns={"when": "timestamp"}))
-
-
-def test_the_robot_in_a_table_of_people_is_no_person(tmp_path):
-    rows_of_people(PEOPLE[:2]).to_csv(tmp_path / "people.csv", index=False)
-    found = drives(tmp_path, wide("robot_x robot_y"), "people: people.csv")
-    assert_robot_among_people(found, 2)
-    assert "people.csv: its robots are left out, as table.csv has them" in found.assumed
-    wide("robot_x robot_y").to_csv(tmp_path / "people.csv", index=False)
-    with pytest.raises(FileError, match="must hold people, it holds robots alone; correct people:"):
-        drives(tmp_path, wide("robot_x robot_y"), "people: people.csv")
 
 
 def test_of_two_columns_of_times_one_must_be_named_but_a_time_is_preferred_to_frames(tmp_path):
@@ -180,5 +103,5 @@ def test_of_two_columns_of_times_one_must_be_named_but_a_time_is_preferred_to_fr
         wanted = yaml_model(mapping, TableMapping, name="mapping")
         (track,) = read(tmp_path, table, wanted).tracks
         np.testing.assert_allclose(np.diff(track.time_s), np.diff(time_s), atol=1e-4)
-    (track,) = read(tmp_path, wide("robot_x robot_y").assign(frame=STEPS)).tracks
+    (track,) = read(tmp_path, wide("x y").assign(frame=STEPS)).tracks
     np.testing.assert_allclose(np.diff(track.time_s), 0.1, rtol=1e-5)

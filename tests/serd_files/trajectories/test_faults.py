@@ -4,11 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from serd_app.drives.mapped.mapping import TableMapping
-from serd_app.drives.table_drives import drives_of_table, is_table
+from serd_app.drives.recording import is_table
 from serd_bag.errors import FileError
 from serd_files.trajectories.columns import TableColumns
-from serd_files.yaml_config import yaml_model
 from support.trajectory_tables import drives, read
 
 WALKS = pd.DataFrame(
@@ -24,7 +22,6 @@ def changed(rows, columns, values, table=WALKS):
 
 
 BOTH = pd.concat([WALKS[:6], WALKS[5:6].add([0, 0, 0, 2.0]), WALKS[6:]])
-NEAR = WALKS.assign(x=WALKS.x / 100, y=WALKS.y / 100).rename(columns={"x": "x_m", "y": "y_m"})
 SWAPPED = WALKS.iloc[[*range(10), 11, 10, *range(12, 100)]]
 
 
@@ -58,18 +55,6 @@ SWAPPED = WALKS.iloc[[*range(10), 11, 10, *range(12, 100)]]
             BOTH,
             "agent 1 is in two places at time 0.5, in row 6 and row 7; the first one counts",
             [50, 50],
-        ),
-        (
-            NEAR,
-            "agents move at 0.012 m/s only: 'unit:' and 'fps:' in a --mapping file state other"
-            " units",
-            [50, 50],
-        ),
-        (
-            WALKS[WALKS.id == 1].assign(people="[[1.0, 2.0], [3.0, 4.0]]"),
-            "column people holds lists, which are not read; give people rows or columns of their"
-            " own",
-            [50],
         ),
     ],
 )
@@ -116,7 +101,6 @@ ROBOT_1 = np.where(WALKS.id == 1, "robot", "anna")
         ({"type": ("Robot", "pedestrian")}, "experts: ['1', '2']", (2, 2), ""),
         ({"type": ("tug", "human")}, "experts: [tug]", (1, 1), ""),
         ({"label": ("compliant", "ok"), "type": ("robot", "human")}, "", (1, 1), ""),
-        ({"is_robot": (1, 0)}, "", (1, 1), ""),
         ({"id": ("spot_1", "p2")}, "experts: ['spot*']", (1, 1), ""),
         ({"id": ("robot_a", "anna")}, "", (1, 1), "robot_a demonstrates among 1 people ('exp"),
         ({"id": ("mobile_robot", "7")}, "", (1, 1), "mobile_robot demonstrates among 1 people"),
@@ -135,26 +119,13 @@ def test_kinds_flags_names_and_a_mapping_say_who_demonstrates(
         for name, values in columns.items()
     }
     found = drives(tmp_path, WALKS.assign(**made), mapping)
-    assert (len(found.drives), len(found.crowd.people)) == expected
+    assert (len(found.drives), len(found.people)) == expected
     assert found.drives[0].position_m[0] == pytest.approx([0.0, 0.7])
     assert found.assumed[-1].startswith(assumed)
 
 
-def test_people_of_another_file_are_those_that_the_robot_drives_among(tmp_path):
-    WALKS[WALKS.id == 2].to_csv(tmp_path / "people_07.csv", index=False)
-    WALKS[WALKS.id == 1].drop(columns="id").to_csv(tmp_path / "run_07.csv", index=False)
-    mapping = yaml_model("people: people_*.csv", TableMapping, name="mapping")
-    found = drives_of_table(tmp_path / "run_07.csv", mapping)
-    assert [len(found.drives), len(found.crowd.people)] == [1, 1]
-    (person,) = found.crowd.people
-    assert person.position_m[person.time_s == 2.0] == pytest.approx(np.array([[2.4, 1.4]]))
-    late = WALKS[WALKS.id == 2].assign(t=WALKS.t + 1e6)
-    late.to_csv(tmp_path / "people_07.csv", index=False)
-    with pytest.raises(FileError, match=r"people_07\.csv must have the clock of .*run_07"):
-        drives_of_table(tmp_path / "run_07.csv", mapping)
-    (tmp_path / "run_07.csv").rename(tmp_path / "run.csv")
-    with pytest.raises(FileError, match=r"run\.csv must have a number in its name, which \*"):
-        drives_of_table(tmp_path / "run.csv", mapping)
+def test_a_folder_of_tables_is_refused(tmp_path):
+    WALKS.to_csv(tmp_path / "run.csv")
     with pytest.raises(FileError, match=r"must be a recording, it is a folder of tables; give th"):
         is_table(tmp_path)
 
@@ -184,13 +155,11 @@ def test_an_id_is_another_agent_in_each_episode_at_its_own_time(tmp_path, name, 
     driven = drives(tmp_path, named)
     assert [len(each.pose_time_s) for each in driven.drives] == [40, 41, 42]
     assert [each.position_m[0, 1] for each in driven.drives] == pytest.approx([0.0, 0.3, 0.6])
-    for drive, person in zip(driven.drives, driven.crowd.people, strict=True):
+    for drive, person in zip(driven.drives, driven.people, strict=True):
         assert person.time_s[10] == drive.pose_time_s[10]
         assert person.position_m[10] == pytest.approx([6.8, 2.0])
 
 
-WIDE = RUNS.pivot(index=["run", "t"], columns="id", values=["x", "y"]).reset_index()
-WIDE.columns = ["run", "t", "ped1_x", "robot_x", "ped1_y", "robot_y"]
 ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
 
 
@@ -201,8 +170,6 @@ ALONE = RUNS[RUNS.id == "robot"].drop(columns="id")
         (ALONE.drop(columns="run"), ["1", "2", "3"], True),
         (RUNS[RUNS.run == 0], ["ped", "robot"], False),
         (RUNS.assign(t=RUNS.t + 100.0 * RUNS.run), None, False),
-        (WIDE, None, True),
-        (WIDE.drop(columns="run"), None, True),
     ],
 )
 def test_episodes_are_named_by_a_column_or_begin_where_times_go_back(

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 
-from serd_app.drives.episode_spans import EpisodeMark
+from serd_app.drives.drive import EpisodeMark
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
 from serd_ros.convert import diagnostics, motion, sensors

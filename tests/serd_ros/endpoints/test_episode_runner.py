@@ -9,9 +9,9 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from serd_app.drives.episode_spans import END
-from serd_app.navigation.navigator import load_arrivals
-from serd_files.episode_table import load_episodes
+from serd_app.drives.drive import END
+from serd_app.navigation.navigator import ArrivalRow
+from serd_files.table import load_episodes, read_rows
 from serd_ros.convert.diagnostics import UNCOUNTED, from_episode_message, to_diagnostics
 from serd_ros.convert.motion import to_odometry, to_pose_stamped
 from serd_ros.convert.sensors import to_people_message
@@ -172,6 +172,6 @@ def test_no_progress_ends_the_episode_with_its_reason(save_model_of, tmp_path):
         (row,) = load_episodes(tmp_path / "episodes.csv")
         assert (row.outcome, row.reason) == ("aborted", "no progress")
         assert math.isnan(row.time_of_arrival_s)
-        (arrival,) = load_arrivals(tmp_path / "arrivals.csv")
+        (arrival,) = read_rows(tmp_path / "arrivals.csv", ArrivalRow)
         assert arrival.reason == "no progress"
         running.assert_alive()

@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from serd_app.drives.episode_spans import START, EpisodeMark
+from serd_app.drives.drive import START, EpisodeMark
 from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_bag.messages.plain import transforms
 from serd_ros.convert.diagnostics import to_episode_message

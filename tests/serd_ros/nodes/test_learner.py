@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_bag.errors import FileError
 from serd_sim.scenario.grid import grid_of
@@ -41,7 +41,7 @@ def test_a_call_to_learn_is_answered_by_whether_there_are_decisions_enough(
     hallway = load_scenario("hallway")
     grid, folder = grid_of(hallway), CheckpointFolder(tmp_path / "m_learner", hallway)
     found, _ = demonstrations_of_bag(shipped, grid, hallway.patience_s, hallway.wait_s)
-    decisions = found.decisions
+    decisions = found
     folder.save_decisions(decisions.select(np.arange(n_decisions or len(decisions))))
     folder.save(folder.new())
     given = {"output": str(tmp_path / "m.yaml"), "learn_on": "call"}

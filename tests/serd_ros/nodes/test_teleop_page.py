@@ -3,7 +3,7 @@
 import pytest
 from std_msgs.msg import Bool, String
 
-from serd_app.teleop.page.requests import Away, EmergencyStop, Episode, Hold, Move
+from serd_app.teleop.page.hub import Away, EmergencyStop, Episode, Hold, Move
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.motion import from_intent, to_odometry, to_pose_stamped

@@ -14,9 +14,8 @@ from lab.experiments.study.detour.settings import DetourStudy
 from lab.experiments.study.detour.tables import BINS
 from lab.learner_curves import LearnerStyle, tick_sizes
 from serd_app.report import style
-from serd_app.report.figures.charts import draw_bars
 from serd_app.report.inputs import in_words
-from serd_app.report.style import Look, new_figure
+from serd_app.report.style import Look, draw_bars, new_figure
 from serd_core.grid.grid import Outcome
 
 LOOKS = {

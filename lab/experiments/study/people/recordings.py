@@ -17,8 +17,7 @@ from lab.crowd.straight_corridor import corridor_people, longest_step_s
 from lab.experiments.study.people.settings import GridSettings, PeopleSettings
 from serd_app.demonstrations.decision_table import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.recorded_drive import RecordedDrive
+from serd_app.drives.drive import EpisodeSpan, RecordedDrive
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
 from serd_core.errors import SerdError

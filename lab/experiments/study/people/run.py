@@ -28,7 +28,7 @@ from lab.experiments.study.products import (
     part_tasks,
     write_results,
 )
-from serd_files.yaml_text import write_yaml
+from serd_files.yaml_config import write_yaml
 from serd_sim.episodes.execution import Execution
 
 #: The settings that the files of each stage depend on, besides the recordings.

@@ -7,8 +7,8 @@ import pytest
 from rosbags.convert import convert as convert_to_ros_1
 from rosbags.typesys import Stores, get_typestore
 
-from serd_app.drives.mapped.drive import mapped_drive_in
-from serd_app.drives.mapped.mapping import BagMapping
+from serd_app.drives.mapped import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
 from serd_bag.command.rewrite import convert
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import MessageType, message_type

@@ -5,7 +5,7 @@ import pytest
 from lab.experiments.study.recordings.demonstrations import ROLES, DemonstrationSets
 from lab.experiments.study.settings import study_settings
 from lab.experiments.study.study import Study
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 
 SETTINGS = study_settings()
 BAGS = Path(__file__).parents[4] / "bags" / "data" / "hallway"
@@ -31,7 +31,7 @@ def decisions_of(role, study):
     found, _ = demonstrations_of_bag(
         BAGS / role, study.problem.grid, place.patience_s, place.wait_s
     )
-    return found.decisions
+    return found
 
 
 @pytest.fixture(scope="session")

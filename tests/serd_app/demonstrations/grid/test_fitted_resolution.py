@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.demonstrations.grid.fitted_grid import (
+from serd_app.demonstrations.fitted_grid import (
     USUAL_PATIENCE_S,
     fitting_cell_size_m,
     fitting_patience_s,
     grid_around,
 )
-from serd_app.drives.episode_spans import RETURN, EpisodeSpan
-from serd_app.drives.recorded_drive import RecordedDrive
+from serd_app.drives.drive import RETURN, EpisodeSpan, RecordedDrive
 from serd_bag.errors import BagError
 
 number = st.floats(-10, 10)

@@ -6,16 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_app.demonstrations.grid.flow_field import (
+from serd_app.demonstrations.flow_field import (
     FlowField,
     flow_from_recordings,
     flow_of_people,
     load_flow,
     save_flow,
 )
-from serd_app.drives.recorded_people import sightings_of_all
 from serd_app.drives.recording import Recording
-from serd_bag.damage import Losses
 from serd_bag.errors import BagError, FileError
 from serd_bag.messages.plain import decode, points_of
 from serd_core.grid.grid import Action, Grid
@@ -27,8 +25,7 @@ MADE = PeopleMessages()
 
 
 def flow_of(recordings, topic="pedestrians"):
-    sightings = sightings_of_all([each.bag for each in recordings], topic)
-    return flow_from_recordings(recordings, sightings, GRID)
+    return flow_from_recordings(recordings, GRID, topic)
 
 
 @pytest.mark.parametrize("big_endian", [False, True])
@@ -75,7 +72,7 @@ def people_bag(tmp_path):
         places, velocities = np.array([[0.5, 0.5], [3.5, 0.5]]), np.array([[-1, 0], [0, 1]])
         data = MADE.encode(CLOUD, 1.0, places, velocities)
         rows = ((topic, begins_s + row, data) for row in range(15))
-        return Recording(write_bag(tmp_path / name, {topic: CLOUD}, rows), (), (), Losses())
+        return Recording(write_bag(tmp_path / name, {topic: CLOUD}, rows), ())
 
     return make
 
@@ -96,7 +93,7 @@ def test_people_of_another_message_type_are_refused(tmp_path):
     bag = write_bag(tmp_path / "bag", {"/pedestrians": "geometry_msgs/msg/Twist"}, ())
     sentence = "on /pedestrians must be of type sensor_msgs/msg/PointCloud2"
     with pytest.raises(BagError, match=sentence):
-        sightings_of_all([bag], "pedestrians")
+        flow_of([Recording(bag, ())])
 
 
 TABLE_GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, True]]))

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.discretise import NO_COMMAND, decisions_from_drive
-from serd_app.demonstrations.grid.fitted_grid import grid_around
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.mapped.actions import (
+from serd_app.demonstrations.fitted_grid import grid_around
+from serd_app.drives.actions import (
     PoseTrack,
     actions_of_ways,
     hidden_intents,
     intents_of_velocities,
     posed_intents,
 )
-from serd_app.drives.mapped.drive import mapped_drive_in
-from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.recorded_drive import NOT_FINITE, SILENCE
+from serd_app.drives.drive import NOT_FINITE, SILENCE, EpisodeSpan
+from serd_app.drives.mapped import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
@@ -49,8 +48,9 @@ def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5, span=SPAN, pose_time_s=(
         hold_s=hold_s,
         **more,
     )
-    assert found.hold_s == math.inf
-    return list(zip(found.time_s.round(6).tolist(), found.action.tolist(), strict=True))
+    assert found["intent_hold_s"] == math.inf
+    at_s, action = found["intent_time_s"].round(6), found["intent_action"]
+    return list(zip(at_s.tolist(), action.tolist(), strict=True))
 
 
 @pytest.mark.parametrize(
@@ -96,15 +96,15 @@ def test_a_command_that_is_held_through_a_turn_means_the_heading_of_the_next_sec
 
 def test_each_episode_has_an_intent_at_its_start():
     spans = SPAN, EpisodeSpan(1, 4.0, 6.0, "arrived")
-    assert hidden_intents(spans).time_s.tolist() == [0.0, 4.0]
+    assert hidden_intents(spans)["intent_time_s"].tolist() == [0.0, 4.0]
     track = PoseTrack(*[np.array([0.0, 6.0])] * 2, np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0]]))
     moving = posed_intents(BagMapping(action_from="motion"), track, spans)
-    assert moving.time_s.tolist() == [0.0, 4.0]
-    assert moving.action.tolist() == [EAST] * 2
-    assert len(posed_intents(BagMapping(action_from="motion"), track, ()).time_s) == 0
+    assert moving["intent_time_s"].tolist() == [0.0, 4.0]
+    assert moving["intent_action"].tolist() == [EAST] * 2
+    assert len(posed_intents(BagMapping(action_from="motion"), track, ())["intent_time_s"]) == 0
 
 
-def test_waypoints_mean_the_direction_to_them():
+def test_ways_mean_their_direction_and_short_ones_a_wait():
     ways_m = np.array([[1.0, 0.2], [0.1, -0.8], [0.1, 0.1], [0.0, 0.0]])
     assert actions_of_ways(ways_m, np.full(4, 0.25)).tolist() == [EAST, SOUTH, WAIT, WAIT]
     assert actions_of_ways(ways_m[2:], np.zeros(2)).tolist() == [EAST, WAIT]
@@ -162,52 +162,6 @@ def test_poses_that_no_transform_reaches_are_left_out_and_counted(drive_of, mess
         drive_of([*rows, *odom_at(messages, np.arange(0.0, 3.0, 0.5))], in_map)
 
 
-@pytest.mark.parametrize(
-    ("kind", "field", "states"),
-    [
-        ("std_msgs/msg/Empty", "", [0]),
-        ("std_msgs/msg/Bool", "data", [False, True, True, False]),
-        ("sensor_msgs/msg/Joy", "buttons.1", [[1, 0], [0, 1], [0, 1], [0, 0]]),
-    ],
-)
-def test_each_press_of_a_button_ends_an_episode(drive_of, messages, kind, field, states):
-    def made(state):
-        if not kind.endswith("Joy"):
-            return messages.make(kind, state)
-        axes, buttons = np.zeros(0, dtype=np.float32), np.array(state, dtype=np.int32)
-        return messages.make(kind, messages.header(0.0), axes, buttons)
-
-    at_s = 53.0 - 0.1 * (len(states) > 1)
-    rows = [
-        ("/button", at_s + 0.1 * row, messages.encode(made(state), kind))
-        for row, state in enumerate(states)
-    ]
-    mapping = with_keys(DRIVEN, button_topic="button", button_field=field)
-    drive = drive_of([*drive_east(messages), *rows], mapping, {"/button": kind})
-    edges_s = [(span.start_s, span.end_s) for span in drive.episodes]
-    np.testing.assert_allclose(edges_s, [(50.0, 53.0), (53.0, 58.0)])
-    assert drive.cuts == {"button": 1}
-
-
-def test_poses_given_in_several_frames_are_each_brought_from_their_own(
-    drive_of, messages, monkeypatch
-):
-    monkeypatch.setattr("serd_app.drives.mapped.drive._AT_ONCE", 7)
-    rows = [*drive_east(messages, "odom"), *odom_at(messages, range(50, 59))]
-    mixed = [
-        (topic, time_s, messages.pose(time_s, 10.0 + time_s - 50.0, 0.5))
-        if topic == "/pose" and time_s > 55.0
-        else (topic, time_s, data)
-        for topic, time_s, data in rows
-    ]
-    one, two = (drive_of(some, with_keys(DRIVEN, frame="map")) for some in (rows, mixed))
-    np.testing.assert_allclose(one.position_m, two.position_m, atol=1e-9)
-    np.testing.assert_allclose(two.position_m[[0, -1], 0], [10.0, 18.0])
-    assert one.intent_action.tolist() == two.intent_action.tolist()
-    with pytest.raises(BagError, match="in one frame where the mapping names none, got 'odom', 'm"):
-        drive_of(mixed)
-
-
 def test_a_topic_of_actions_without_a_message_is_refused(drive_of, messages):
     with pytest.raises(BagError, match="action_topic /cmd_vel must hold messages, it holds none"):
         drive_of(poses_east(messages))
@@ -223,35 +177,14 @@ def test_a_command_that_is_not_finite_is_left_out_and_counted(drive_of, messages
     assert str(report).endswith("; 1 commands not finite")
 
 
-@pytest.mark.parametrize(("kind", "source"), [(VECTOR, "intent"), (POSE, "waypoint")])
-def test_an_intent_or_waypoint_sent_again_is_one_and_one_not_finite_is_dropped_and_counted(
-    drive_of, messages, kind, source
-):
-    make = messages.intent if source == "intent" else messages.pose
+def test_an_intent_sent_again_is_one_and_one_not_finite_is_dropped_and_counted(drive_of, messages):
     wishes = [(50.0, 99.0), (50.0, 99.0), (52.0, np.nan), (54.0, 99.0), (54.0, 99.0)]
-    rows = [("/wish", time_s, make(time_s, east, 0.5)) for time_s, east in wishes]
-    mapping = BagMapping(pose_topic="/pose", action_from=source, action_topic="/wish")
-    drive = drive_of([*poses_east(messages), *rows], mapping, {"/wish": kind})
+    rows = [("/wish", time_s, messages.intent(time_s, east, 0.5)) for time_s, east in wishes]
+    mapping = BagMapping(pose_topic="/pose", action_topic="/wish")
+    drive = drive_of([*poses_east(messages), *rows], mapping, {"/wish": VECTOR})
     assert drive.dropped == {NOT_FINITE: 1}
     assert drive.intent_time_s.tolist() == [50.0, 54.0]
     assert drive.intent_action.tolist() == [EAST, EAST]
-
-
-@pytest.mark.parametrize(
-    ("step_s", "gap_s", "n_episodes"), [(0.1, 0.6, 2), (0.2, 0.9, 1), (0.2, 1.2, 2)]
-)
-def test_what_counts_as_a_gap_follows_how_often_poses_come(
-    drive_of, messages, step_s, gap_s, n_episodes
-):
-    rows = [
-        row
-        for row in drive_east(messages, step_s=step_s)
-        if row[0] != "/pose" or not 54.05 < row[1] < 54.0 + gap_s - 0.05
-    ]
-    drive = drive_of(rows)
-    assert drive.longest_gap_s == pytest.approx(max(0.5, 5 * step_s))
-    assert len(drive.episodes) == n_episodes
-    assert len(drive_of(rows, with_keys(DRIVEN, longest_gap_s=0.3)).episodes) == 2
 
 
 SET_BACK = r"that of pose 41 does by .* a clock was set back"
@@ -332,16 +265,6 @@ def test_simulated_time_and_frames_are_put_right(foreign_bag):
     assert report.n_moving_waits >= 3
 
 
-def test_the_motion_itself_is_the_action(foreign_bag):
-    """It drives north at 0.5 m/s for 8 s; the topic of its commands is not needed."""
-    mapping = BagMapping(pose_topic="/robot/pose", action_from="motion")
-    drive = mapped_drive_in(foreign_bag, mapping)
-    assert drive.intent_time_s.tolist() == [50.0]
-    assert drive.intent_action.tolist() == [NORTH]
-    slow = mapped_drive_in(foreign_bag, with_keys(mapping, minimum_speed_mps=0.51))
-    assert set(slow.intent_action) == {WAIT}
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -409,12 +332,7 @@ def test_a_steered_vehicle_and_own_types_are_read_by_their_fields(drive_of, mess
     ("keys", "sentence"),
     [
         ({"hold_s": 1.0, "action_from": "motion"}, "hold_s must be left out unless action_from is"),
-        ({"waypoint_reached_m": 1.0}, "waypoint_reached_m must be left out unless action_from is"),
-        ({"button_field": "buttons.0"}, "button_field must come with a button_topic"),
-        ({"button_topic": "joy", "episode_topic": "episode"}, "button_topic must be left out with"),
-        ({"goal_area_m": ((0, 0), (1, 1))}, "goal_area_m must have at least 3 corners, got 2"),
-        ({"goals_m": ((0, 0),), "goal_area_m": ((0, 0), (1, 0), (1, 1))},
-         "goals_m and goal_area_m must not both be given"),
+        ({"goal_area_m": ((0, 0), (1, 1))}, "must have at least 3 corners, got 2"),
     ],
 )  # fmt: skip
 def test_keys_of_a_mapping_that_have_no_effect_are_rejected(keys, sentence):
@@ -424,7 +342,7 @@ def test_keys_of_a_mapping_that_have_no_effect_are_rejected(keys, sentence):
 
 @pytest.fixture
 def own_bag(tmp_path, messages):
-    """Two episodes in a namespace: one arrives, one is cut off; waypoints beside the intents."""
+    """Two episodes in a namespace: one arrives, one is cut off."""
     rows = []
     for episode, start_s in enumerate((10.0, 30.0)):
         rows.append(("/robot/episode", start_s, messages.mark(start_s, "start", episode)))
@@ -433,20 +351,17 @@ def own_bag(tmp_path, messages):
             rows.append(("/robot/robot_pose", time_s, messages.pose(time_s, 0.0, y_m)))
             if tick % 20 == 0:
                 rows.append(("/robot/intent", time_s, messages.intent(time_s, 0.0, 1.0)))
-                rows.append(("/robot/waypoint", time_s, messages.pose(time_s, 0.0, y_m + 1.0)))
     rows.append(("/robot/episode", 19.9, messages.mark(19.9, "end", 0, "arrived")))
     rows.sort(key=lambda row: row[1])
     topics = {f"/robot{name}": kind for name, kind in OWN_TOPICS.items()}
-    return write_bag(tmp_path / "own", topics | {"/robot/waypoint": POSE}, rows)
+    return write_bag(tmp_path / "own", topics, rows)
 
 
-def test_a_mapping_of_our_own_topics_and_waypoints_ahead_give_the_drive_of_the_intents(own_bag):
+def test_a_mapping_of_our_own_topics_gives_the_drive_of_the_recorder(own_bag):
     (direct,) = read_drives(own_bag)
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
     assert set(direct.intent_action) == {NORTH}
-    for keys in ({}, {"action_from": "waypoint", "action_topic": "waypoint"}):
-        mapping = BagMapping(episode_topic="/robot/episode", **keys)
-        mapped = mapped_drive_in(BagReader(own_bag), mapping)
-        assert mapped.episodes == direct.episodes
-        for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
-            assert np.array_equal(getattr(mapped, name), getattr(direct, name))
+    mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="/robot/episode"))
+    assert mapped.episodes == direct.episodes
+    for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):
+        assert np.array_equal(getattr(mapped, name), getattr(direct, name))

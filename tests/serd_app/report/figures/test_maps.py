@@ -1,26 +1,19 @@
 """Map figures carry the data they were given: positions, counts, arrows, traps, loops."""
 
-from dataclasses import replace
-from io import BytesIO
-
 import numpy as np
 import pytest
-from matplotlib import image as mpl_image
 from matplotlib.collections import LineCollection, PatchCollection
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
-from matplotlib.text import Annotation
 
-from serd_app.report.figures.hallway import draw_hallway, draw_scenario_plan
 from serd_app.report.figures.maps import (
     draw_flow_map,
     draw_policy_map,
-    draw_surprises,
+    draw_scenario_plan,
     draw_visitation,
 )
-from serd_app.report.style import png_bytes, svg_bytes
-from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.grid import Action, Grid
+from serd_app.report.style import svg_bytes
+from serd_core.grid.grid import Action
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 
@@ -34,37 +27,6 @@ def cell_values(figure, panel=0):
     return np.ma.filled(cells.get_array(), np.nan)
 
 
-@pytest.fixture
-def hallway(scenario, snapshot):
-    return draw_hallway(scenario, snapshot)
-
-
-def test_people_robot_walls_and_areas_are_where_they_were(hallway, scenario, snapshot):
-    people = [circle.center for circle in artists(hallway, Circle, "person")]
-    np.testing.assert_allclose(people, snapshot.people_position_m)
-    (robot,) = artists(hallway, Circle, "robot")
-    np.testing.assert_allclose(robot.center, snapshot.robot_pose[:2])
-    (arrows,) = artists(hallway, Quiver, "walking direction")
-    drawn = np.stack([arrows.U, arrows.V], axis=1)
-    np.testing.assert_allclose(drawn, 0.7 * snapshot.people_velocity_mps)
-    (wall,) = artists(hallway, Polygon, "wall")
-    np.testing.assert_allclose(wall.get_xy()[:-1], scenario.wall_polygons_m[0])
-    for name in ("goal", "start\ntrain", "start\ntransfer"):
-        assert len(artists(hallway, Polygon, f"area {name}")) == 1
-
-
-def test_an_empty_hallway_is_drawn_with_its_title_inside_as_the_same_bytes(snapshot):
-    none = np.zeros((0, 2))
-    people = {"people_position_m": none, "people_velocity_mps": none, "robot_trail_m": none}
-    empty = replace(snapshot, people_trail_m=np.zeros((0, 0, 2)), **people)
-    first, second = (draw_hallway(load_scenario("t_junction"), empty) for _ in range(2))
-    assert svg_bytes(first) == svg_bytes(second)
-    assert b"<dc:date>" not in svg_bytes(first)
-    unsaved = draw_hallway(load_scenario("t_junction"), snapshot)
-    picture = mpl_image.imread(BytesIO(png_bytes(unsaved)))
-    assert (picture[:3, :, :3] == 1.0).all()
-
-
 def test_visitation_shows_the_counts_and_the_tracks(scenario, problem):
     counts = np.arange(problem.grid.n_states, dtype=float)
     track = np.array([[0.5, 0.5], [2.5, 4.5], [6.5, 5.0]])
@@ -73,6 +35,11 @@ def test_visitation_shows_the_counts_and_the_tracks(scenario, problem):
     (line,) = [line for line in figure.axes[0].lines if line.get_gid() == "track"]
     np.testing.assert_array_equal(line.get_xydata(), track)
     assert figure.axes[0].get_title() == f"{int(counts.sum())} decisions, 1 track"
+    (wall,) = artists(figure, Polygon, "wall")
+    np.testing.assert_allclose(wall.get_xy()[:-1], scenario.wall_polygons_m[0])
+    for name in ("goal", "start\ntrain", "start\ntransfer"):
+        assert len(artists(figure, Polygon, f"area {name}")) == 1
+    assert svg_bytes(figure) == svg_bytes(draw_visitation(scenario, problem.grid, counts, [track]))
 
 
 def test_policy_arrows_follow_the_greedy_actions_and_traps_are_framed(scenario, problem):
@@ -117,28 +84,6 @@ def test_flow_arrows_point_where_people_walk_and_are_red_where_the_scenario_diff
     assert "1 not the scenario's" in title
 
 
-def test_surprising_decisions_are_arrows_to_the_cell_reached_and_circles_where_it_is_the_same():
-    """The first move twice, another once, one that stays, and one that does not surprise."""
-    grid = Grid((0.0, 0.0), 1.0, np.ones((2, 3), bool))
-    state, following = [0, 0, 1, 4, 5], [1, 1, 4, 4, 2]
-    decisions = Decisions(np.arange(5), np.zeros(5), state, np.zeros(5, int), following)
-    figure = draw_surprises(grid, decisions, np.array([True] * 4 + [False]))
-    arrows = artists(figure, Quiver, "surprising moves")
-    assert sorted(len(each.U) for each in arrows) == [1, 1]
-    thin, thick = sorted(arrows, key=lambda each: each.width)
-    assert (thin.U[0], thin.V[0]) == pytest.approx((0.0, 0.8))
-    assert (thick.U[0], thick.V[0]) == pytest.approx((0.8, 0.0))
-    (waits,) = [c for c in figure.axes[0].collections if c.get_gid() == "surprising waits"]
-    np.testing.assert_allclose(waits.get_offsets(), [grid.centers_m[4]])
-    assert cell_values(figure).tolist() == [2, 1, 0, 0, 1, 1]
-    assert "4 of 5 decisions surprising" in figure.axes[0].get_title()
-    none = draw_surprises(grid, decisions, np.zeros(5, bool))
-    assert not artists(none, Quiver, "surprising moves")
-
-
-HALLWAY = load_scenario("hallway")
-
-
 def loops_in(figure):
     (axes,) = figure.axes
     return [line for line in axes.get_lines() if line.get_gid() == "loop"]
@@ -155,25 +100,3 @@ def test_every_loop_is_drawn_and_named(name):
     if name == "hallway":  # loops that share a way are beside each other
         east_sides = {round(max(line.get_xdata()), 3) for line in loops_in(figure)}
         assert len(east_sides) == len(loops)
-
-
-@pytest.mark.parametrize(("convention", "northwards"), [("right_hand", True), ("left_hand", False)])
-def test_on_the_east_side_people_walk_north_where_traffic_keeps_right(convention, northwards):
-    (axes,) = draw_scenario_plan(HALLWAY.model_copy(update={"flow_convention": convention})).axes
-    arrows = [each for each in axes.texts if isinstance(each, Annotation)]
-    east = [each for each in arrows if 4.0 < each.xy[0] < 5.0 and each.xy[0] == each.xyann[0]]
-    assert len(east) > 4
-    assert all((each.xy[1] > each.xyann[1]) == northwards for each in east)
-
-
-def test_odd_places_can_be_drawn():
-    crowd = HALLWAY.with_pedestrian_count(0).pedestrians.model_copy(update={"loops": ()})
-    figure = draw_scenario_plan(HALLWAY.model_copy(update={"pedestrians": crowd}))
-    assert not figure.legends
-    assert not loops_in(figure)
-    assert png_bytes(figure)
-    # matplotlib would take what is between dollar signs for a formula, and fail.
-    assert png_bytes(draw_scenario_plan(HALLWAY.model_copy(update={"name": "$x_1^$ <b>"})))
-    outline = ((0.0, 0.0), (200.0, 0.0), (200.0, 4.0), (0.0, 4.0))
-    (axes,) = draw_scenario_plan(HALLWAY.model_copy(update={"walkable_area_m": outline})).axes
-    assert len(axes.get_xticks()) < 20  # at every 4 m they would lie over each other

@@ -11,11 +11,9 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from serd_app.teleop.page.access import PageAccess
-from serd_app.teleop.page.requests import EmergencyStop, Episode, Hold
-from serd_app.teleop.page.server import PageServer
+from serd_app.teleop.page.hub import EmergencyStop, Episode, Hold
+from serd_app.teleop.page.server import PageAccess, PageServer
 from serd_app.teleop.page.view import (
-    overlay_message,
     overlay_of,
     scene_of,
     watched_scene_of,
@@ -47,7 +45,6 @@ STATE = {
     "mux": {"e_stop": "False", "active": "keys"},
     "guard": {"action": "DO_NOTHING", "overridden": "False"},
     "recorder": {"recording": "True", "messages": "1200", "free_mb": "70000"},
-    "next_start": None,
     "there": True,
     "mode": "directions",
     "choice": "north",
@@ -149,7 +146,7 @@ def watched(browser):
 def layers(save_model_of):
     """The layers of a model that is against the flow in two of three lanes."""
     strategy = load_strategy(str(save_model_of()), HALLWAY, "optimal")
-    return overlay_message(overlay_of(strategy))
+    return overlay_of(strategy)
 
 
 @pytest.fixture
@@ -195,7 +192,7 @@ def test_axe_finds_no_violation_while_driving_stopped_and_with_each_layer(
     learned.show(mux={"e_stop": "True"}, recorder={"recording": "False"})
     learned.until_text("stop", "RELEASE")
     assert violations(browser) == []
-    for name in ("policy", "arrival", "dynamics"):
+    for name in ("policy", "arrival"):
         layer_button(learned, name).click()
         learned.until_text("layer-title", layers[name]["title"])
         assert learned.text("layer-note") == layers[name]["note"]
@@ -246,43 +243,3 @@ def test_a_second_click_right_after_the_one_that_stopped_does_not_release(shown)
     assert RELEASE not in shown.until_requested(STOP)
     requested = []
     wait_until(lambda: click() or requested.extend(shown.server.take()) or RELEASE in requested)
-
-
-def test_the_pad_drives_by_enter_and_by_the_click_of_a_screen_reader(shown):
-    shown.focus("east")
-    ActionChains(shown.browser).key_down(Keys.ENTER).perform()
-    shown.until_requested(hold("east"))
-    ActionChains(shown.browser).key_up(Keys.ENTER).perform()
-    shown.until_requested(hold(None))
-    shown.browser.execute_script("document.querySelector('[data-direction=west]').click()")
-    shown.until_requested(hold("west"))
-    shown.until_requested(hold(None))
-
-
-def colours_of_the_map(shown):
-    """How often the map has each colour."""
-    return dict(
-        shown.browser.execute_script(
-            "const canvas = document.getElementById('view'); const counts = new Map();"
-            "const whole = [0, 0, canvas.width, canvas.height];"
-            "const { data } = canvas.getContext('2d').getImageData(...whole);"
-            "for (const each of new Uint32Array(data.buffer))"
-            "  counts.set(each, (counts.get(each) ?? 0) + 1);"
-            "return [...counts].filter(([, count]) => count > 200)"
-        )
-    )
-
-
-def test_a_layer_is_chosen_by_the_keyboard_and_drawn_until_none_is(learned):
-    plain = colours_of_the_map(learned)
-    learned.focus("arrival")
-    learned.press(Keys.ENTER)
-    assert layer_button(learned, "arrival").get_attribute("aria-pressed") == "true"
-    assert learned.text("layer-low") == "0 s"
-    assert len(colours_of_the_map(learned)) > len(plain) + 5  # a shade per time
-    learned.press(Keys.ARROW_UP)
-    learned.until_requested(hold("north"))  # the arrows drive, with the focus there too
-    layer_button(learned, "").click()
-    assert not learned.part("layer").is_displayed()
-    wait_until(lambda: len(colours_of_the_map(learned)) < len(plain) + 3)
-    assert not [each for each in learned.server.take() if isinstance(each, Episode)]

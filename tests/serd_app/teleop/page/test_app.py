@@ -3,19 +3,14 @@
 import asyncio
 import json
 import socket
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
 from serd_app.errors import TeleopError
-from serd_app.teleop.page.access import PageAccess, admits_origin, read_token
-from serd_app.teleop.page.hub import Hub
-from serd_app.teleop.page.requests import LARGEST_REQUEST_BYTES, Away, Hold, Joystick, parse_request
-from serd_app.teleop.page.server import PageServer, make_app
-from serd_app.teleop.page.view import ModelOverlay, overlay_message
+from serd_app.teleop.page.hub import LARGEST_REQUEST_BYTES, Hold, Hub, parse_request
+from serd_app.teleop.page.server import PageAccess, PageServer, admits_origin, make_app, read_token
 from support.waiting import PATIENCE_S
 
 TOKEN = "a-long-random-token"
@@ -115,20 +110,6 @@ def test_a_bad_message_is_answered_by_a_sentence_and_a_large_or_binary_one_ends_
     with_client(LOCAL, use)
 
 
-def test_a_driver_whose_connection_ends_is_away_and_another_takes_over():
-    async def use(client, hub):
-        first, second = await connect(client), await connect(client)
-        await first.send_json(NORTH)
-        await until(lambda: hub.driving == 1)
-        await first.close()
-        await until(lambda: hub.driving is None)
-        assert requests_of(hub)[-1] == Away(type="away")
-        await second.send_json(NORTH)
-        await until(lambda: hub.driving == 2)
-
-    with_client(LOCAL, use)
-
-
 def test_the_server_takes_a_free_port_refuses_a_used_one_and_ends_with_its_connections():
     server = PageServer({"type": "scene"}, LOCAL, 0)
     assert server.url == f"http://127.0.0.1:{server.port}/"
@@ -190,11 +171,6 @@ def test_a_token_file_gives_its_first_line(tmp_path):
         read_token(file)
 
 
-def test_requests_are_read():
-    joy = parse_request('{"type": "joy", "axes": [0.5, -1], "buttons": [0, 1]}')
-    assert joy == Joystick(type="joy", axes=(0.5, -1.0), buttons=(0, 1))
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -217,40 +193,3 @@ def test_requests_are_read():
 def test_anything_else_is_one_sentence(text):
     with pytest.raises(TeleopError, match=r"of a page's request: .*; load the page again"):
         parse_request(text)
-
-
-NAN = float("nan")
-
-
-def overlay(median_s, forward):
-    return ModelOverlay(
-        directions=np.array([[0, 1], [-1, 0], [0, 0]]),
-        median_s=np.array(median_s),
-        forward=np.array(forward),
-        forward_by_model={"with_flow": 0.934, "against_flow": 0.5},
-    )
-
-
-def test_layers_have_a_number_and_a_shade_per_cell_and_none_where_there_is_no_value():
-    layers = overlay_message(overlay([40.0, NAN, 0.0], [0.934, 0.5, NAN]))
-    assert json.loads(json.dumps(layers, allow_nan=False)) == layers
-    arrival, dynamics = layers["arrival"], layers["dynamics"]
-    assert layers["policy"]["directions"] == [[0, 1], [-1, 0], [0, 0]]
-    assert (arrival["labels"], arrival["shades"]) == (["40", "×", "0"], [1.0, None, 0.0])
-    assert (arrival["low"], arrival["high"]) == ("0 s", "40 s")
-    assert (dynamics["labels"], dynamics["shades"]) == (["93", "50", ""], [0.93, 0.5, None])
-    assert dynamics["note"] == "all moves: with flow 93 %, against flow 50 %"
-    nobody = overlay_message(overlay([NAN] * 3, [0.1, 0.1, NAN]))["arrival"]
-    assert (nobody["labels"], nobody["shades"], nobody["high"]) == (["×"] * 3, [None] * 3, "0 s")
-
-
-def test_the_layers_state_what_is_driven_and_predicted_only_as_far_as_it_is_supported():
-    trusted = overlay([40.0, 2.0, 0.0], [0.9, 0.5, NAN])
-    layers = overlay_message(trusted)
-    assert layers["arrival"]["title"].startswith("Predicted seconds")
-    assert layers["policy"]["note"] == "dot: waits"
-    doubted = replace(trusted, n_least_time=2, no_prediction_because=("one is few", "it is late"))
-    layers = overlay_message(doubted)
-    assert layers["arrival"]["title"].startswith("Computed seconds")
-    assert layers["arrival"]["note"] == "no prediction, because one is few, and because it is late"
-    assert layers["policy"]["note"].startswith("dot: waits; in 2 cells the way of least expected")

@@ -8,7 +8,7 @@ import pytest
 from lab.experiments.study.recordings.demonstrations import ROLES, start_area_of
 from lab.experiments.study.recordings.drives import drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
-from serd_app.demonstrations.demonstrations import demonstrations_of_bag
+from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_sim.drivers.catalogue import make_driver
 
 BAGS = Path(__file__).parents[5] / "bags" / "data" / "hallway"
@@ -17,7 +17,7 @@ BAGS = Path(__file__).parents[5] / "bags" / "data" / "hallway"
 def shipped(role, study):
     grid, place = study.problem.grid, study.scenario
     found, report = demonstrations_of_bag(BAGS / role, grid, place.patience_s, place.wait_s)
-    return found.decisions, report
+    return found, report
 
 
 @pytest.mark.parametrize("role", ROLES)

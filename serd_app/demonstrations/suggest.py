@@ -9,37 +9,32 @@ are hidden: learning uses the poses alone.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
-from serd_app.demonstrations.grid.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, fitted_grid
-from serd_app.demonstrations.recorded import demonstrations_of_all
-from serd_app.demonstrations.suggestion.candidates import (
+from serd_app.demonstrations.candidates import (
     Candidates,
     PoseCandidate,
-    in_one_namespace,
 )
-from serd_app.drives.mapped.actions import PoseTrack
-from serd_app.drives.mapped.mapping import ASSUMED_UNITS, BagMapping
-from serd_app.drives.recording import Recording
-from serd_app.drives.table_drives import is_table
-from serd_app.drives.transforms import TF_TYPES
-from serd_app.drives.unmarked import usual_gap_s
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
+from serd_app.demonstrations.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, fitted_grid
+from serd_app.demonstrations.recorded import demonstrations_of_all
+from serd_app.drives.actions import PoseTrack
+from serd_app.drives.drive import EPISODE, INTENT, POSE
+from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, usual_gap_s
+from serd_app.drives.recording import Recording, is_table
 from serd_app.errors import AppError
-from serd_bag.damage import Losses
 from serd_bag.errors import BagError, printable
 from serd_bag.reader import BagReader
-from serd_bag.topic import Topic
+from serd_bag.topic import Topic, topics_named
 from serd_core.arrays import BoolArray, FloatArray
 
-_USUAL_HOLD_S = 0.5
 #: In the order of preference where they explain the motion equally well.
-_HOLDS_S = (_USUAL_HOLD_S, np.inf, 1.0, 0.25, 2.0, 0.1, 0.75, 1.5, 3.0, 5.0)
+_HOLDS_S = (0.5, np.inf, 1.0, 0.25, 2.0, 0.1, 0.75, 1.5, 3.0, 5.0)
 _DELAYS_S = tuple(round(0.05 * number, 2) for number in range(31))
 _EQUAL_FITS = 0.005
 _SHORTEST_STEP_S = 0.2
@@ -51,8 +46,6 @@ _MOST_DISAGREEMENT = 0.25
 _EQUAL_PAIRS = 0.03
 _STILL = 0.98
 _MOTION = "(motion: the displacement of the next second is the action)"
-#: Of the usual minimum speed: a second of little motion is then no wait.
-_SPEED_SHARES = (1.0, 0.4, 0.2)
 Comments = dict[str, tuple[str, ...]]
 
 
@@ -97,8 +90,13 @@ def suggest_mapping(bag: Path) -> Suggestion:
             f" 'serd demos {bag}'"
         )
     reader = BagReader(bag, tolerant=True)
+    if all(topics_named(reader.topics, name) for name in (POSE, INTENT, EPISODE)):
+        raise AppError(
+            f"{bag} must be of another robot, it holds {POSE}, {INTENT} and {EPISODE} as our"
+            f" recorder writes them and needs no mapping; run 'serd demos {bag} --scenario NAME'"
+        )
     collected = Candidates(reader)
-    poses, rejected = collected.poses(), collected.rejected
+    poses, rejected = collected.poses, collected.rejected
     if not poses:
         raise AppError(
             f"bag {bag} must hold poses of a robot that moves, as Odometry, PoseStamped or /tf;"
@@ -108,27 +106,29 @@ def suggest_mapping(bag: Path) -> Suggestion:
         )
     ranked = tuple(f"pose on {pose.topic.name}: {pose.way}" for pose in poses)
     comments = {"": (*ranked, *(f"left out: {line}" for line in rejected), ASSUMED_UNITS)}
-    search = _Search(bag, collected, poses, comments)
-    if collected.own:
-        own = {**comments, "pose_topic": ("as the recorder of this project writes it",)}
-        found = search.tested(collected.own.mapping, own, poses[0])
+    found = _by_velocity(bag, collected, comments)
+    if found is not None:
+        return found
+    for pose in poses:
+        found = _tested(bag, collected, pose.alone, comments, pose)
         if found.report is not None:
             return found
-    return search.by_velocity() or search.by_poses()
+    raise AppError(
+        f"bag {bag} must hold a drive without gaps of at least a second, its poses"
+        f" ({', '.join(pose.topic.name for pose in poses)}) give no decision; record a longer one"
+    )
 
 
 class CommandFit(NamedTuple):
     """How long a robot follows a velocity command, and after what delay.
 
-    hold_s: None until the next command. usual: the disagreement without delay and with the usual
-    hold. still_in_silence: share of the times without a command at which the robot stood, None
-    where there are too few.
+    hold_s: None until the next command. still_in_silence: share of the times without a command at
+    which the robot stood, None where there are too few.
     """
 
     hold_s: float | None
     delay_s: float
     disagreement: float
-    usual: float
     still_in_silence: float | None
 
 
@@ -140,82 +140,59 @@ class _Pair(NamedTuple):
     fit: CommandFit
 
 
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """poses: the likeliest first; comments: see `Suggestion`, those on actions are added."""
-
-    bag: Path
-    collected: Candidates
-    poses: Sequence[PoseCandidate]
-    comments: Comments
-
-    def by_velocity(self) -> Suggestion | None:
-        """None where no command topic explains the motion; the comments then state how far."""
-        pairs = [
-            _Pair(pose, name, _fit(pose, at_s, commands_mps))
-            for pose in self.poses
-            for name, actions in self.collected.actions.items()
-            for at_s, commands_mps, _ in [actions.stated(pose.track)]
-            if len(at_s)
-        ]
-        if not pairs:
-            self._state("no velocity commands were found, so actions are hidden", _MOTION)
-            return None
-        of_one = [pair for pair in pairs if in_one_namespace(pair.pose.topic.name, pair.topic)]
-        if any(pair.pose.topic.type_name not in TF_TYPES for pair in of_one):
-            pairs = of_one  # /tf is in no namespace
-        least = min(pair.fit.disagreement for pair in pairs) + _EQUAL_PAIRS
-        best = next(pair for pair in pairs if pair.fit.disagreement <= least)
-        self._state(*_fit_comments(best, pairs))
-        if best.fit.disagreement > _MOST_DISAGREEMENT:
-            self._state("so the commands are of no use, and actions are hidden", _MOTION)
-            return None
-        shares = []
-        for mapping in _velocity_mappings(best):
-            comments = {**self.comments, **_hold_comments(best.fit)}
-            found = self.tested(mapping, comments, best.pose)
-            if found.report is not None:
-                shares.append(found.report.n_moving_waits / found.report.n_decisions)
-                if shares[-1] <= MOST_MOVING_WAITS:
-                    return found
-        reason = "they give no decision"
-        if shares:
-            waits = f"{100 * min(shares):.1f} % of the decisions"
-            reason = f"{waits} would be waits while the robot moves"
-        self._state(f"{reason}, so actions are hidden", _MOTION)
-        return None
-
-    def _state(self, *lines: str) -> None:
-        self.comments["action_from"] = (*self.comments.get("action_from", ()), *lines)
-
-    def by_poses(self) -> Suggestion:
-        """By the likeliest pose; AppError where no pose gives a decision."""
-        for pose in self.poses:
-            found = self.tested(pose.alone, self.comments, pose)
-            if found.report is not None:
-                return found
-        raise AppError(
-            f"bag {self.bag} must hold a drive without gaps of at least a second, its poses"
-            f" ({', '.join(pose.topic.name for pose in self.poses)}) give no decision; record a"
-            " longer one"
+def _by_velocity(bag: Path, collected: Candidates, comments: Comments) -> Suggestion | None:
+    """None where no command topic explains the motion; the comments then state how far."""
+    pairs = [
+        _Pair(pose, name, _fit(pose, at_s, commands_mps))
+        for pose in collected.poses
+        for name, actions in collected.actions.items()
+        for at_s, commands_mps, _ in [actions.stated(pose.track)]
+        if len(at_s)
+    ]
+    if not pairs:
+        comments["action_from"] = (
+            "no velocity commands were found, so actions are hidden",
+            _MOTION,
         )
+        return None
+    least = min(pair.fit.disagreement for pair in pairs) + _EQUAL_PAIRS
+    best = next(pair for pair in pairs if pair.fit.disagreement <= least)
+    comments["action_from"] = _fit_comments(best, pairs)
+    reason = "the commands are of no use"
+    if best.fit.disagreement <= _MOST_DISAGREEMENT:
+        mapping, held = _velocity_mapping(best), _hold_comments(best.fit)
+        found = _tested(bag, collected, mapping, {**comments, **held}, best.pose)
+        if found.report is None:
+            reason = "they give no decision"
+        else:
+            share = found.report.n_moving_waits / found.report.n_decisions
+            if share <= MOST_MOVING_WAITS:
+                return found
+            reason = f"{100 * share:.1f} % of the decisions would be waits while the robot moves"
+    comments["action_from"] += (f"{reason}, so actions are hidden", _MOTION)
+    return None
 
-    def tested(
-        self, mapping: BagMapping, comments: Mapping[str, tuple[str, ...]], pose: PoseCandidate
-    ) -> Suggestion:
-        """The mapping as `serd demos` uses it; without report where it gives no decision."""
-        noted, report, size_m = dict(comments), None, pose.cell_size_m
-        if mapping.frame:
-            moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
-            noted["frame"] = (moved,)
-        try:
-            recording = Recording(self.bag, (self.collected.drive(mapping),), (), Losses())
-            grid = fitted_grid([recording], size_m)
-            (found,) = demonstrations_of_all([recording], grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
-            report = found.report if found.report.n_decisions else None
-        except (BagError, AppError) as error:
-            noted[""] = (*noted.get("", ()), str(error))
-        return Suggestion(self.bag, mapping, noted, report, size_m)
+
+def _tested(
+    bag: Path,
+    collected: Candidates,
+    mapping: BagMapping,
+    comments: Mapping[str, tuple[str, ...]],
+    pose: PoseCandidate,
+) -> Suggestion:
+    """The mapping as `serd demos` uses it; without report where it gives no decision."""
+    noted, report, size_m = dict(comments), None, pose.cell_size_m
+    if mapping.frame:
+        moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
+        noted["frame"] = (moved,)
+    try:
+        recording = Recording(bag, (collected.drive(mapping),))
+        grid = fitted_grid([recording], size_m)
+        (found,) = demonstrations_of_all([recording], grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
+        report = found.report if found.report.n_decisions else None
+    except (BagError, AppError) as error:
+        noted[""] = (*noted.get("", ()), str(error))
+    return Suggestion(bag, mapping, noted, report, size_m)
 
 
 class _Motion(NamedTuple):
@@ -272,7 +249,6 @@ def _fit(pose: PoseCandidate, at_s: FloatArray, commands_mps: FloatArray) -> Com
         hold_s=None if np.isinf(hold_s) else hold_s,
         delay_s=delay_s,
         disagreement=float(table[row, column]),
-        usual=float(table[0, 0]),
         still_in_silence=float((~motion.moves)[silent].mean())
         if silent.sum() >= _FEWEST_SILENT
         else None,
@@ -289,28 +265,23 @@ def _fit_comments(best: _Pair, pairs: Sequence[_Pair]) -> tuple[str, ...]:
     )
     return (
         f"commands on {best.topic} and the motion of {best.pose.topic.name} disagree in"
-        f" {100 * best.fit.disagreement:.1f} % of the time,",
-        f"with the defaults (a command holds for {_USUAL_HOLD_S:g} s) in"
-        f" {100 * best.fit.usual:.1f} %",
+        f" {100 * best.fit.disagreement:.1f} % of the time",
         *others,
     )
 
 
-def _velocity_mappings(pair: _Pair) -> Iterator[BagMapping]:
-    """To be tried one after the other."""
+def _velocity_mapping(pair: _Pair) -> BagMapping:
     still = pair.fit.still_in_silence
-    for silence in ("wait", "unknown") if still is not None and still >= _STILL else ("unknown",):
-        for share in _SPEED_SHARES:
-            yield pair.pose.mapping.model_copy(
-                update={
-                    "action_from": "velocity",
-                    "action_topic": pair.topic,
-                    "hold_s": pair.fit.hold_s,
-                    "delay_s": pair.fit.delay_s,
-                    "silence": silence,
-                    "minimum_speed_mps": round(share * pair.pose.minimum_speed_mps, 4),
-                }
-            )
+    return pair.pose.mapping.model_copy(
+        update={
+            "action_from": "velocity",
+            "action_topic": pair.topic,
+            "hold_s": pair.fit.hold_s,
+            "delay_s": pair.fit.delay_s,
+            "silence": "wait" if still is not None and still >= _STILL else "unknown",
+            "minimum_speed_mps": pair.pose.minimum_speed_mps,
+        }
+    )
 
 
 def _hold_comments(fit: CommandFit) -> Comments:

@@ -1,41 +1,39 @@
-"""Actions by a mapping: intents, or directions of commands, of waypoints or of the motion itself.
+"""Actions by a mapping: intents, or directions of commands or of the motion itself.
 
 Velocity: a command acts after `delay_s` and holds until the next, at most `hold_s`. Turned by the
 robot's heading and averaged over the second that follows, as far as commands hold in it, it is the
 direction of the action, WAIT below `minimum_speed_mps`. While no command holds there is no action,
 which need not mean to wait.
-Waypoint: the direction from the robot to it, WAIT where it is nearer than `reached_m`.
 Motion: the direction from the place of the robot to that one second later, WAIT below
 `minimum_speed_mps` on average. Hidden: no action. What velocities and motion mean is computed ten
 times a second, and stated as an intent where it changes.
 """
 
 from array import array
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from serd_app.drives.episode_spans import EpisodeSpan
-from serd_app.drives.mapped.mapping import BagMapping, TableMapping
-from serd_app.drives.recorded_drive import (
+from serd_app.drives.drive import (
     NOT_FINITE,
     SILENCE,
-    RecordedDrive,
+    EpisodeSpan,
     actions_of_directions,
+    hidden_intents,
 )
+from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import POSES, VECTORS, VELOCITIES, field_reader
+from serd_bag.messages.fields import VECTORS, VELOCITIES, field_reader
 from serd_bag.messages.times import TimesOnClock, placed_s
 from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.demonstrations.decisions import HIDDEN
 
 _AHEAD_S, _STEP_S = 1.0, 0.1
 _STAMP_TOLERANCE_S = 1e-6
 _CARRIED = {
     "intent": (VECTORS, "a vector"),
     "velocity": (VELOCITIES, "a twist, or the speed of a steered vehicle,"),
-    "waypoint": (POSES, "a pose"),
 }
 
 
@@ -59,15 +57,8 @@ class PoseTrack:
         return placed_s(TimesOnClock(self.log_s, self.time_s).of(log_s), stamp_s)
 
 
-@dataclass(frozen=True, eq=False)
-class MappedIntents:
-    """time_s, action (N,); hold_s, dropped and n_bad_commands: see `RecordedDrive`."""
-
-    time_s: FloatArray
-    action: IntArray
-    hold_s: float | None = None
-    dropped: dict[str, int] = field(default_factory=dict)
-    n_bad_commands: int = 0
+#: Fields of a `RecordedDrive`: intent_time_s, intent_action (N,) and more.
+Intents = dict[str, Any]
 
 
 class MappedActions:
@@ -92,7 +83,7 @@ class MappedActions:
 
     def intents(
         self, mapping: BagMapping, track: PoseTrack, spans: tuple[EpisodeSpan, ...]
-    ) -> MappedIntents:
+    ) -> Intents:
         """The intents by a mapping of this topic; BagError where it has no message."""
         at_s, vectors, n_unclear = self.stated(track)
         if mapping.action_from == "velocity":
@@ -106,13 +97,10 @@ class MappedActions:
                 minimum_speed_mps=mapping.minimum_speed_mps,
                 waits_in_silence=mapping.silence == "wait",
             )
-            return replace(found, n_bad_commands=n_unclear)
-        if mapping.action_from == "intent":
-            actions = actions_of_directions(vectors)
-        else:
-            least_m = np.full(len(at_s), mapping.waypoint_reached_m)
-            actions = actions_of_ways(vectors - track.at(at_s), least_m)
-        return MappedIntents(at_s, actions, dropped={NOT_FINITE: n_unclear} if n_unclear else {})
+            return found | {"n_bad_commands": n_unclear}
+        dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
+        actions = actions_of_directions(vectors)
+        return {"intent_time_s": at_s, "intent_action": actions, "dropped": dropped}
 
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
         """Times (N,) on the clock of the poses, vectors (N, 2), and how many more are not finite,
@@ -134,7 +122,7 @@ class MappedActions:
 
 def posed_intents(
     mapping: BagMapping | TableMapping, track: PoseTrack, spans: tuple[EpisodeSpan, ...]
-) -> MappedIntents:
+) -> Intents:
     """Intents of poses alone: hidden, or by the motion."""
     if mapping.action_from == "hidden":
         return hidden_intents(spans)
@@ -142,24 +130,6 @@ def posed_intents(
     moved_m = track.at(asked.end_s) - track.at(asked.begin_s)
     least_m = mapping.minimum_speed_mps * (asked.end_s - asked.begin_s)
     return asked.intents(actions_of_ways(moved_m, least_m))
-
-
-def hidden_intents(spans: tuple[EpisodeSpan, ...]) -> MappedIntents:
-    """An intent for each episode, without its action."""
-    starts_s = np.array([span.start_s for span in spans], dtype=np.float64)
-    return MappedIntents(starts_s, np.full(len(spans), HIDDEN, dtype=np.int64), np.inf)
-
-
-def with_hidden_actions(drive: RecordedDrive) -> RecordedDrive:
-    """The drive with hidden actions in place of its intents."""
-    found = hidden_intents(drive.episodes)
-    return replace(
-        drive,
-        intent_time_s=found.time_s,
-        intent_action=found.action,
-        intent_hold_s=found.hold_s,
-        dropped={},
-    )
 
 
 class _Seconds:
@@ -178,12 +148,16 @@ class _Seconds:
         self.end_s = np.minimum(self.begin_s + _AHEAD_S, ends_s)
         self._episode = np.repeat(np.arange(len(spans)), counts)
 
-    def intents(self, action: IntArray) -> MappedIntents:
+    def intents(self, action: IntArray) -> Intents:
         """Of the actions (N,), those that are another one than before, or the first of an episode;
         each is in force until the next."""
         changed = np.diff(action, prepend=SILENCE - 1) != 0
         changed |= np.diff(self._episode, prepend=-1) != 0
-        return MappedIntents(self.begin_s[changed], action[changed], np.inf)
+        return {
+            "intent_time_s": self.begin_s[changed],
+            "intent_action": action[changed],
+            "intent_hold_s": np.inf,
+        }
 
 
 def intents_of_velocities(
@@ -196,7 +170,7 @@ def intents_of_velocities(
     hold_s: float = 0.5,
     minimum_speed_mps: float = 0.05,
     waits_in_silence: bool = False,
-) -> MappedIntents:
+) -> Intents:
     """What velocity commands mean; without one the robot stands, if it waits in silence.
 
     command_mps (C, 2): forward and left in the robot's frame; yaw_rad (T,) at pose_time_s.

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serd_app.navigation.forecast import HALF, MOST, plan_remarks
+from serd_app.navigation.navigator import HALF, MOST, plan_remarks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.law import (
     SAME_TIME_S,
@@ -28,7 +28,7 @@ from serd_core.arrival.law import (
     largest_gap,
 )
 from serd_core.demonstrations.decisions import TimedDecisions
-from serd_files.episode_table import EpisodeResult
+from serd_files.table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy, start_distribution
 
 #: Demonstrations that a prediction takes, and drives by the policy that count in their place.

@@ -11,15 +11,26 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from serd_app.drives.episode_spans import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks
-from serd_app.drives.frame_graph import matrices_of, plain_name, planar
-from serd_app.drives.mapped.actions import MappedActions, PoseTrack, posed_intents
-from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.recorded_drive import RecordedDrive, finite_poses, source_of
-from serd_app.drives.transforms import TF_TYPES, RecordedTransforms
-from serd_app.drives.unmarked import unmarked_spans, usual_gap_s
+from serd_app.drives.actions import MappedActions, PoseTrack, posed_intents
+from serd_app.drives.drive import (
+    EpisodeMark,
+    EpisodeSpan,
+    RecordedDrive,
+    finite_poses,
+    marks_of,
+    source_of,
+    spans_of_marks,
+)
+from serd_app.drives.mapping import BagMapping, unmarked_spans, usual_gap_s
+from serd_app.drives.transforms import (
+    TF_TYPES,
+    RecordedTransforms,
+    matrices_of,
+    plain_name,
+    planar,
+)
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import POSES, FieldReader, field_reader, store_of
+from serd_bag.messages.fields import POSES, FieldReader, field_reader
 from serd_bag.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
 from serd_bag.nearest import hint
 from serd_bag.reader import BagReader
@@ -37,38 +48,26 @@ _AT_FRAME = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def mapped_drive_in(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
-    """The drive in an opened bag; the reader's `damage` then lists what could not be read."""
-    collected = mapped_messages(reader.topics, mapping, source_of(reader.path))
-    for message in reader.messages(collected.topics & set(reader.topics)):
-        collected.take(message)
-    return collected.drive()
+    """The drive in an opened bag; the reader's `damage` then lists what could not be read.
 
-
-def mapped_messages(
-    known: Mapping[str, Topic], mapping: BagMapping, source: str
-) -> "MappedMessages":
-    """To be filled; BagError where the topics do not hold what the mapping needs."""
-    poses = MappedPoses(known, mapping, source)
-    actions = None
+    BagError where the topics do not hold what the mapping needs.
+    """
+    known, source = reader.topics, source_of(reader.path)
+    poses, actions = MappedPoses(known, mapping, source), None
     if mapping.has_action_topic:
         actions = MappedActions(mapping, known[topic_named(known, mapping.action_topic)], source)
     marks = topic_named(known, mapping.episode_topic) if mapping.episode_topic else ""
-    button = None
-    if mapping.button_topic:
-        topic = known[topic_named(known, mapping.button_topic)]
-        button = topic.name, FieldReader(topic.type_name, store_of(topic), ())
-        if mapping.button_field:
-            paths, wanted = (mapping.button_field,), "a number or truth value"
-            button = topic.name, field_reader(topic, paths, (), "button_field", wanted)
-    return MappedMessages(mapping, source, poses, actions, marks, button)
+    collected = MappedMessages(mapping, source, poses, actions, marks)
+    for message in reader.messages(collected.topics & set(known)):
+        collected.take(message)
+    return collected.drive()
 
 
 @dataclass(frozen=True, eq=False)
 class MappedMessages:
     """Messages of the topics of a mapping; marks: of episodes, with their log times in s.
 
-    actions: None where these are of the poses. button: its topic and the reader of its state, of no
-    number where each message is a press; states: log time, stamp and state of each message.
+    actions: None where these are of the poses.
     """
 
     mapping: BagMapping
@@ -76,9 +75,7 @@ class MappedMessages:
     poses: "MappedPoses"
     actions: MappedActions | None
     mark_topic: str = ""
-    button: tuple[str, FieldReader] | None = None
     marks: list[tuple[float, EpisodeMark]] = field(default_factory=list)
-    states: list[tuple[float, float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         if self.mapping.action_from == "velocity" and not self.poses.has_heading:
@@ -92,65 +89,49 @@ class MappedMessages:
     def topics(self) -> set[str]:
         """Those to take messages of."""
         actions = self.actions.topics if self.actions else ()
-        button = self.button[:1] if self.button else ()
-        return {*self.poses.topics, *actions, *button, self.mark_topic}
+        return {*self.poses.topics, *actions, self.mark_topic}
 
     def take(self, message: RawMessage) -> None:
         """A message of one of them; BagError where it is damaged."""
         self.poses.take(message)
-        log_s = message.log_time_ns / 1e9
         if self.actions is not None and message.topic in self.actions.topics:
             self.actions.take(message)
         if message.topic == self.mark_topic:
+            log_s = message.log_time_ns / 1e9
             self.marks.extend((log_s, mark) for mark in marks_of(message.data))
-        if self.button is not None and message.topic == self.button[0]:
-            header, state = self.button[1](message.data)
-            self.states.append((log_s, header.stamp_ns / 1e9, state[0] if state else 1.0))
 
     def drive(self) -> RecordedDrive:
         """The drive of all messages so far."""
-        track = self.poses.track(self.mapping)
-        longest_gap_s = self.mapping.longest_gap_s or self.poses.usual_gap_s
+        mapping, track = self.mapping, self.poses.track(self.mapping)
+        longest_gap_s = mapping.longest_gap_s or self.poses.usual_gap_s
         spans, cuts = self._spans(track, longest_gap_s)
         if self.actions is None:
-            intents = posed_intents(self.mapping, track, spans)
+            intents = posed_intents(mapping, track, spans)
         else:
-            intents = self.actions.intents(self.mapping, track, spans)
+            intents = self.actions.intents(mapping, track, spans)
         return RecordedDrive(
             pose_time_s=track.time_s,
             position_m=track.poses[:, :2],
-            intent_time_s=intents.time_s,
-            intent_action=intents.action,
             episodes=spans,
             source=self.source,
             n_bad_poses=self.poses.n_bad,
             n_unplaced_poses=self.poses.n_unplaced,
-            n_bad_commands=intents.n_bad_commands,
-            dropped=intents.dropped,
-            intent_hold_s=intents.hold_s,
             longest_gap_s=longest_gap_s,
-            minimum_speed_mps=self.mapping.minimum_speed_mps,
+            minimum_speed_mps=mapping.minimum_speed_mps,
             cuts=cuts,
+            **intents,
         )
 
     def _spans(
         self, track: PoseTrack, longest_gap_s: float
     ) -> tuple[tuple[EpisodeSpan, ...], Mapping[str, int]]:
         """Episodes, and what those without marks were cut at."""
-        if self.mark_topic:
-            rows = np.array([(log_s, mark.time_s) for log_s, mark in self.marks]).reshape(-1, 2)
-            placed = zip(track.placed(*rows.T), self.marks, strict=True)
-            marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
-            return spans_of_marks(marks, track.time_s, longest_gap_s), {}
-        pressed_s = None
-        if self.button is not None:
-            log_s, stamp_s, state = np.array(self.states).reshape(-1, 3).T
-            down = state > 0.5
-            if self.mapping.button_field:  # it goes down
-                down &= ~np.append(False, down[:-1])[: len(down)]
-            pressed_s = np.unique(track.placed(log_s, stamp_s)[down])
-        places_m = track.poses[:, :2]
-        return unmarked_spans(track.time_s, places_m, longest_gap_s, self.mapping, pressed_s)
+        if not self.mark_topic:
+            return unmarked_spans(track.time_s, track.poses[:, :2], longest_gap_s, self.mapping)
+        rows = np.array([(log_s, mark.time_s) for log_s, mark in self.marks]).reshape(-1, 2)
+        placed = zip(track.placed(*rows.T), self.marks, strict=True)
+        marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
+        return spans_of_marks(marks, track.time_s, longest_gap_s), {}
 
 
 class MappedPoses:

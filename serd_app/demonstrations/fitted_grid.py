@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from serd_app.drives.recorded_drive import RecordedDrive
+from serd_app.drives.drive import RecordedDrive
 from serd_app.drives.recording import Recording
 from serd_app.errors import AppError
 from serd_bag.errors import BagError
@@ -30,8 +30,7 @@ def fitted_grid(recordings: Sequence[Recording], cell_size_m: float) -> Grid:
         names = ", ".join(str(recording.bag) for recording in recordings)
         raise AppError(f"{names} must hold a pose to fit a grid to, got none; record some")
     driven_m = np.concatenate(places)
-    crowds = [recording.crowd for recording in recordings if recording.crowd]
-    people = [track.position_m for crowd in crowds for track in crowd.people]
+    people = [track.position_m for recording in recordings for track in recording.people]
     people_m = np.concatenate([np.zeros((0, 2)), *people])
     low_m, high_m = driven_m.min(axis=0) - _PEOPLE_NEAR_M, driven_m.max(axis=0) + _PEOPLE_NEAR_M
     near = ((people_m >= low_m) & (people_m <= high_m)).all(axis=1)
@@ -43,10 +42,6 @@ def grid_around(position_m: FloatArray, cell_size_m: float) -> Grid:
 
     Cell borders lie on whole multiples of the cell size, so that grids of several bags agree.
     """
-    if not len(position_m):
-        raise BagError("position_m must hold at least one position to fit a grid, got none")
-    if not cell_size_m > 0:
-        raise BagError(f"cell_size_m must be above 0, got {cell_size_m}")
     places = np.asarray(position_m, dtype=np.float64)
     _require_one_place(places, cell_size_m)
     low = np.floor(places.min(axis=0) / cell_size_m) - 1

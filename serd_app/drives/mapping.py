@@ -1,7 +1,7 @@
-"""Episodes of a drive without marks: cut at gaps, at goals, at stops and where a round trip turns.
+"""The mapping file: which topics of a bag, or columns of a table, hold what; where episodes end.
 
-Gap: no pose for longer than the longest gap. Button: an episode ends when it is pressed. Goal: an
-episode ends on entering a goal's circle, the next begins on leaving it. Goal area: likewise, and
+A drive without marks is cut at gaps, at the goal, at stops and where a round trip turns.
+Gap: no pose for longer than the longest gap. Goal: an episode ends on entering the goal area, and
 the way back, from the area to the place farthest from where it was left, is no demonstration. Stop:
 an episode ends where the robot comes to stand for `stop_s` or longer, the next begins when it moves
 on. Round trip: where a robot comes back to its start, each lap is cut at its place farthest from
@@ -12,18 +12,30 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import field_validator, model_validator
 
-from serd_app.drives.episode_spans import RETURN, EpisodeSpan
-from serd_app.drives.mapped.mapping import DriveMapping
-from serd_app.drives.recorded_drive import LONGEST_GAP_S
+from serd_app.drives.drive import LONGEST_GAP_S, RETURN, EpisodeSpan
 from serd_core.arrays import BoolArray, FloatArray
+from serd_files.settings import setting
+from serd_files.trajectories.columns import TableColumns
+from serd_files.yaml_config import StrictModel
 from serd_sim.scenario.polygon import Point, contains
 
+#: What the fields of a bag do not state.
+ASSUMED_UNITS = "m, rad, m/s and s are assumed, as ROS defines the units of messages"
+
+_LEAST_CORNERS = 3
+#: Keys of one kind of actions.
+_ONLY_FOR = {
+    "hold_s": "velocity",
+    "delay_s": "velocity",
+    "silence": "velocity",
+}
 UNMARKED, ARRIVED = "unmarked", "arrived"
-GAP, BUTTON, GOAL, STOP, TURN = "gap", "button", "goal", "stop", "turn"
+GAP, GOAL, STOP, TURN = "gap", "goal", "stop", "turn"
 _OUTCOMES = {"": UNMARKED, GAP: UNMARKED, RETURN: RETURN}
 #: Without one in the mapping, the longest gap is so many usual steps between poses.
 _GAP_STEPS = 5.0
@@ -33,6 +45,124 @@ _SAMPLES_OF_A_STOP = 10
 #: Shares of the largest distance from the start within which a lap ends, and beyond which one is.
 _BACK, _AWAY = 0.25, 0.5
 _SHORTEST_TRIP_M = 1.0
+
+
+class DriveMapping(StrictModel):
+    """What holds for every recording without marks of episodes."""
+
+    minimum_speed_mps: float = setting(
+        0.05, "mean speed of a second below which it is a wait", unit="m/s", ge=0
+    )
+    longest_gap_s: float | None = setting(
+        None,
+        "longest gap between poses across which places are interpolated; a longer one ends an"
+        " episode. By default five usual steps between poses, at least 0.5 s",
+        unit="s",
+        gt=0,
+    )
+    goal_area_m: tuple[tuple[float, float], ...] = setting(
+        (),
+        "corners of an area in which a lap ends. The way back from it, up to the place farthest"
+        " away, is no demonstration. With `--scenario` its goal area by default",
+        unit="m",
+    )
+    stop_s: float | None = setting(
+        10.0, "an episode ends where the robot stands for so long; null: nowhere", unit="s", ge=1.0
+    )
+    round_trips: bool = setting(
+        True, "whether a drive that comes back to its start is cut at its place farthest from it"
+    )
+
+    @field_validator("goal_area_m")
+    @classmethod
+    def _has_corners(
+        cls, area_m: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        if area_m and len(area_m) < _LEAST_CORNERS:
+            raise ValueError(
+                f"must have at least {_LEAST_CORNERS} corners, got {len(area_m)}; add some"
+            )
+        return area_m
+
+
+class TableMapping(DriveMapping, TableColumns):
+    """A table of trajectories."""
+
+    action_from: Literal["hidden", "motion"] = setting(
+        "hidden", "hidden: learn from the states; motion: the displacement is the action"
+    )
+    experts: tuple[str, ...] = setting(
+        (),
+        "ids or kinds of the agents that demonstrate, * for any text, the others are people; by"
+        " default those with robot, agv, amr or ego in them, else all",
+    )
+
+
+class BagMapping(DriveMapping):
+    """Topics of a bag, and the fields of their messages as paths: `pose.pose`, `axes.1`."""
+
+    pose_topic: str = setting(
+        "robot_pose", "any message with a pose; or tf: then the pose is that of robot_frame"
+    )
+    pose_fields: tuple[str, ...] = setting(
+        (),
+        "paths of x and y, or of x, y and yaw, or of one message with a pose; by default the pose"
+        " nearest to the top of the message",
+        max_length=3,
+    )
+    frame: str = setting(
+        "", "frame of the grid; poses in others are brought there by /tf. Empty: as they are"
+    )
+    robot_frame: str = setting("base_link", "frame of the robot, where poses are from tf")
+    action_from: Literal["intent", "velocity", "motion", "hidden"] = setting(
+        "intent",
+        "what the action topic holds: intent, a vector; velocity, a twist or the speed of a steered"
+        " vehicle. Without a topic hidden (the states alone are learned from) or"
+        " motion (the displacement of the next second is the action)",
+    )
+    action_topic: str = setting("intent", "topic of the actions")
+    action_fields: tuple[str, ...] = setting(
+        (),
+        "paths of two numbers, or one of a message; of a velocity forward and left, or forward"
+        " alone. By default as for pose_fields",
+        max_length=2,
+    )
+    episode_topic: str = setting(
+        "", "marks of episodes, as our recorder writes them; empty: episodes are cut by the rules"
+    )
+    people_topic: str = setting(
+        "pedestrians",
+        "people, where there is such a topic: PointCloud2 with x, y, vx, vy, People,"
+        " TrackedPersons or Detection3DArray; brought into `frame` by /tf",
+    )
+    hold_s: float | None = setting(
+        0.5, "how long the robot follows a velocity; null: until the next one", unit="s", gt=0
+    )
+    delay_s: float = setting(
+        0.0, "how long after a velocity command the robot begins to follow it", unit="s", ge=0
+    )
+    silence: Literal["unknown", "wait"] = setting(
+        "unknown",
+        "what time without any velocity command means: unknown, it is left out and counted;"
+        " wait, where the robot is known to stop when nothing is sent",
+    )
+
+    @model_validator(mode="after")
+    def _keys_have_an_effect(self) -> "BagMapping":
+        """A key that is given and not read is a mistake that would go unnoticed."""
+        for key, source in _ONLY_FOR.items():
+            default = type(self).model_fields[key].default
+            if getattr(self, key) != default and self.action_from != source:
+                raise ValueError(
+                    f"{key} must be left out unless action_from is {source}, it is"
+                    f" {self.action_from}; correct action_from or delete the key"
+                )
+        return self
+
+    @property
+    def has_action_topic(self) -> bool:
+        """Whether actions are messages."""
+        return self.action_from not in ("motion", "hidden")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,29 +183,17 @@ class _Piece:
 
 
 def unmarked_spans(
-    time_s: FloatArray,
-    position_m: FloatArray,
-    longest_gap_s: float,
-    mapping: DriveMapping,
-    pressed_s: FloatArray | None = None,
+    time_s: FloatArray, position_m: FloatArray, longest_gap_s: float, mapping: DriveMapping
 ) -> tuple[tuple[EpisodeSpan, ...], Counter[str]]:
-    """The episodes in order, numbered from 0, and how many of them end at what.
-
-    pressed_s: (N,) increasing, when the button was pressed.
-    """
+    """The episodes in order, numbered from 0, and how many of them end at what."""
     pieces = list(_at_gaps(_Piece(time_s, position_m), longest_gap_s))
 
     def cut(rule: Callable[..., Iterator[_Piece]], *settings: Any) -> list[_Piece]:
         return [part for piece in pieces for part in rule(piece, *settings)]
 
-    if pressed_s is not None:
-        pieces = cut(_at_presses, pressed_s)
-    has_goal = bool(mapping.goals_m)
-    if mapping.goals_m:
-        pieces = cut(_at_goals, mapping)
-    elif mapping.goal_area_m:
+    if mapping.goal_area_m:
         pieces = cut(_at_goal_area, mapping.goal_area_m)
-        has_goal = any(piece.ended_by == GOAL or piece.from_goal for piece in pieces)
+    has_goal = any(piece.ended_by == GOAL or piece.from_goal for piece in pieces)
     if mapping.stop_s is not None:
         pieces = cut(_at_stops, mapping.stop_s)
     if mapping.round_trips and not has_goal:
@@ -102,30 +220,11 @@ def _at_gaps(piece: _Piece, longest_gap_s: float) -> Iterator[_Piece]:
         yield piece.part(start, stop, "" if stop == len(piece.time_s) else GAP)
 
 
-def _at_presses(piece: _Piece, pressed_s: FloatArray) -> Iterator[_Piece]:
-    inside = pressed_s[(pressed_s > piece.time_s[0]) & (pressed_s < piece.time_s[-1])]
-    rows = np.searchsorted(piece.time_s, inside)
-    edges = [0, *np.unique(rows).tolist(), len(piece.time_s) - 1]
-    for start, stop in pairwise(edges):
-        last = stop == edges[-1]
-        yield piece.part(start, stop + 1, piece.ended_by if last else BUTTON)
-
-
-def _at_goals(piece: _Piece, mapping: DriveMapping) -> Iterator[_Piece]:
-    goals = np.array(mapping.goals_m)
-    away_m = np.linalg.norm(piece.position_m[:, None] - goals, axis=2).min(axis=1)
-    yield from _outside(piece, away_m > mapping.goal_radius_m)
-
-
 def _at_goal_area(piece: _Piece, area_m: tuple[Point, ...]) -> Iterator[_Piece]:
-    for each in _outside(piece, ~contains(area_m, piece.position_m)):
-        yield replace(each, from_goal=each.time_s[0] > piece.time_s[0])
-
-
-def _outside(piece: _Piece, outside: BoolArray) -> Iterator[_Piece]:
-    for start, stop in _runs(outside):
+    for start, stop in _runs(~contains(area_m, piece.position_m)):
         last = stop == len(piece.time_s)
-        yield piece.part(start, min(stop + 1, len(piece.time_s)), piece.ended_by if last else GOAL)
+        part = piece.part(start, min(stop + 1, len(piece.time_s)), piece.ended_by if last else GOAL)
+        yield replace(part, from_goal=start > 0)
 
 
 def _without_return(piece: _Piece) -> Iterator[_Piece]:

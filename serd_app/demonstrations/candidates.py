@@ -6,20 +6,18 @@ They are recognised by type and name; whether they fit one another is tested in 
 import re
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from serd_app.demonstrations.grid.fitted_grid import cell_size_at_m, grid_around
-from serd_app.drives.episode_spans import EPISODE
-from serd_app.drives.mapped.actions import MappedActions, PoseTrack
-from serd_app.drives.mapped.drive import MappedMessages, MappedPoses, mapped_messages
-from serd_app.drives.mapped.mapping import BagMapping
-from serd_app.drives.recorded_drive import INTENT, POSE, RecordedDrive, source_of
+from serd_app.demonstrations.fitted_grid import cell_size_at_m, grid_around
+from serd_app.drives.actions import MappedActions, PoseTrack
+from serd_app.drives.drive import RecordedDrive, source_of
+from serd_app.drives.mapped import MappedMessages, MappedPoses
+from serd_app.drives.mapping import BagMapping
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
-from serd_bag.topic import RawMessage, Topic, topics_named
+from serd_bag.topic import RawMessage, Topic
 
 _MOST = 6
 _FEWEST_POSES = 10
@@ -101,23 +99,20 @@ class PoseCandidate:
 class Candidates:
     """Messages of the likeliest topics, collected in one pass over the bag.
 
-    own: the messages of a recording of this project, None of another. actions: by topic, those with
-    messages. rejected: why topics were left out.
+    poses: those that move, the likeliest first. actions: by topic, those with messages. rejected:
+    why topics were left out.
     """
 
     def __init__(self, reader: BagReader) -> None:
         self._source, self._known = source_of(reader.path), reader.topics
         self._damaged: dict[str, BagError] = {}
         self.rejected: list[str] = []
-        self._poses = self._readers(
+        poses = self._readers(
             _POSES, lambda name: MappedPoses(self._known, BagMapping(pose_topic=name), self._source)
         )
-        self.actions = self._readers(_COMMANDS, self._action_reader)
-        self.own = self._own_messages()
-        collected: list[MappedPoses | MappedActions | MappedMessages]
-        collected = [*self._poses.values(), *self.actions.values()]
-        collected += [self.own] if self.own else []
+        actions = self._readers(_COMMANDS, self._action_reader)
         takers: dict[str, list[Callable[[RawMessage], None]]] = {}
+        collected: list[MappedPoses | MappedActions] = [*poses.values(), *actions.values()]
         for each in collected:
             for name in each.topics:
                 takers.setdefault(name, []).append(each.take)
@@ -127,37 +122,22 @@ class Candidates:
                     take(message)
                 except BagError as error:  # noqa: PERF203
                     self._damaged.setdefault(message.topic, error)
-        self.actions = {name: each for name, each in self.actions.items() if each.n_taken}
-
-    def poses(self) -> list[PoseCandidate]:
-        """Those that move, the likeliest first."""
+        self.actions = {name: each for name, each in actions.items() if each.n_taken}
+        self._messages = poses
         made = (
-            self._made(_pose_candidate, self._known[name], collected)
-            for name, collected in self._poses.items()
+            self._made(_pose_candidate, self._known[name], each) for name, each in poses.items()
         )
-        return [candidate for candidate in made if candidate is not None]
+        self.poses = [candidate for candidate in made if candidate is not None]
 
     def drive(self, mapping: BagMapping) -> RecordedDrive:
         """What `serd demos` takes from the bag by one of these mappings; BagError where it cannot,
         as with a damaged message."""
-        if self.own and mapping == self.own.mapping:
-            messages = self.own
-        else:
-            poses = self._poses[mapping.pose_topic]
-            actions = self.actions[mapping.action_topic] if mapping.has_action_topic else None
-            messages = MappedMessages(mapping, self._source, poses, actions)
+        poses = self._messages[mapping.pose_topic]
+        actions = self.actions[mapping.action_topic] if mapping.has_action_topic else None
+        messages = MappedMessages(mapping, self._source, poses, actions)
         for name in sorted(self._damaged.keys() & messages.topics):
             raise self._damaged[name]
         return messages.drive()
-
-    def _own_messages(self) -> MappedMessages | None:
-        if not all(topics_named(self._known, name) for name in (POSE, INTENT)):
-            return None
-        marks = EPISODE if topics_named(self._known, EPISODE) else ""
-        try:
-            return mapped_messages(self._known, BagMapping(episode_topic=marks), self._source)
-        except BagError:  # as where several robots have these topics
-            return None
 
     def _action_reader(self, name: str) -> MappedActions:
         mapping = BagMapping(action_from="velocity", action_topic=name)
@@ -178,30 +158,10 @@ class Candidates:
             return None
 
 
-def mapping_of_poses(bag: Path) -> BagMapping | None:
-    """By the likeliest pose of a bag without commands and intents; None for any other bag."""
-    reader = BagReader(bag, tolerant=True)
-    if topics_named(reader.topics, INTENT):
-        return None
-    collected = Candidates(reader)
-    poses = collected.poses()
-    if collected.actions or not poses:
-        return None
-    marks = EPISODE if len(topics_named(reader.topics, EPISODE)) == 1 else ""
-    return poses[0].alone.model_copy(update={"episode_topic": marks})
-
-
-def in_one_namespace(first: str, second: str) -> bool:
-    """Whether two topics may be of one robot: the namespace of one begins with the other's."""
-    one, other = (str(PurePosixPath(name).parent).rstrip("/") + "/" for name in (first, second))
-    return one.startswith(other) or other.startswith(one)
-
-
 def _pose_candidate(topic: Topic, collected: MappedPoses) -> PoseCandidate:
     """BagError where it shows no motion of one robot."""
     mapping = BagMapping(pose_topic=topic.name)
-    bodies = collected.tree.carried()
-    frames = _robot_frames(collected.tree.names) or (bodies if len(bodies) == 1 else [])
+    frames = _robot_frames(collected.tree.names)
     if collected.from_tf and frames:
         mapping = mapping.model_copy(update={"robot_frame": frames[0]})
     track = collected.track(mapping)

@@ -1,1 +1,0 @@
-"""Drives from bags of other robots, by a mapping file."""

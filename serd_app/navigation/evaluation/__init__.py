@@ -1,1 +1,0 @@
-"""How well models predict: forecasts beside measurements, and how usual trajectories are."""
