@@ -49,6 +49,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--no-page"): f"serd teleop and serd demo always have their page; {_KEYBOARD}",
     ("option", "--page"): "serd teleop and serd demo always have their page; leave the option out",
     ("option", "--list"): "serd launch and serd run list what there is where no name follows",
+    ("option", "--view"): "films are drawn from above; leave it out",
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
     ("argument", "watch BAG"): (
@@ -61,6 +62,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ),
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
+    ("parameter", "gui"): "serd watch shows a running stack; leave it out",
     ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,

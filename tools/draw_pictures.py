@@ -127,12 +127,6 @@ def draw_episode(path: Path, _kept: Path) -> None:
     _serd("scenario", "film", "hallway", "--output", path)
 
 
-def draw_episode_3d(path: Path, _kept: Path) -> None:
-    """A moment of it behind the robot, among more people."""
-    options = ("--people", "60", "--view", "chase", "--at", "13")
-    _serd("scenario", "film", "hallway", *options, "--output", path)
-
-
 def draw_map_scenario(path: Path, _kept: Path) -> None:
     """The scenario that `serd scenario from-map` makes of a scanned hall."""
     with tempfile.TemporaryDirectory() as name:
@@ -289,7 +283,6 @@ OF_PAGES: dict[str, Draw] = {
 DRAWN: dict[str, Draw] = {
     **OF_DEMO,
     "episode.gif": draw_episode,
-    "episode_3d.png": draw_episode_3d,
     "map_scenario.png": draw_map_scenario,
     **OF_PAGES,
 }

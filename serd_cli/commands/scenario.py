@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 
@@ -49,10 +49,6 @@ NewScenario = Annotated[
 ]
 Policy = Annotated[str, opt(f"{', '.join(driver_names())} or a learned model's file")]
 PeopleFrom = Annotated[str, opt("given: people as they are; scan: from the lidar alone")]
-View = Annotated[
-    Literal["top", "overview", "chase"],
-    opt("from above, the whole in 3-D, or behind the robot in 3-D"),
-]
 At = Annotated[float | None, opt("time of a .png (s), the end when not given", "--at", min=0)]
 
 
@@ -97,7 +93,7 @@ class MovieSettings(StrictModel):
 
 
 def film(
-    output: Annotated[Path, opt("file to write: .mp4, .gif or .png")],
+    output: Annotated[Path, opt("file to write: .gif or .png")],
     scenario: ScenarioName = "hallway",
     policy: Policy = "expert",
     planner: str = option(WorldSettings, "planner"),
@@ -106,16 +102,15 @@ def film(
     episode: Annotated[int, opt("number of the episode", min=0)] = 0,
     people: int | None = option(WorldSettings, "people"),
     start_area: str = option(WorldSettings, "start_area"),
-    view: View = "top",
     speed: float = option(MovieSettings, "speed"),
     at_s: At = None,
     as_json: AsJson = False,
 ) -> None:
     """Drive one episode and write it as a movie, or one moment of it as a picture.
 
-    serd scenario film crossing --output episode.mp4
+    serd scenario film crossing --output episode.gif
 
-    serd scenario film --view chase --at 20 --output episode.png
+    serd scenario film hallway --at 20 --output episode.png
 
     The same seed and policy give the same drive as in serd batch.
     """
@@ -128,7 +123,7 @@ def film(
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
     task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
-    done = drive_and_draw(task, output, view=view, speed=speed, at_s=at_s, track=_with_bar)
+    done = drive_and_draw(task, output, speed=speed, at_s=at_s, track=_with_bar)
     picture = str(output.resolve())
     if as_json:
         print_json({"outcome": done.outcome, "duration_s": done.duration_s, "picture": picture})

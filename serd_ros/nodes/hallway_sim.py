@@ -44,7 +44,6 @@ class HallwaySimConfig(FramesConfig):
     lockstep_timeout_s: float = setting(
         60.0, "end after this wall time without a command in lock-step", unit="s", gt=0
     )
-    gui: bool = setting(False, "show PyBullet's window")
     real_time_factor: float = setting(1.0, "speed of the world when not in lock-step", gt=0)
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
     command_timeout_s: float = setting(
@@ -112,7 +111,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
         scenario = with_goal(scenario, config.goal)
-        self._world = HallwayWorld(scenario, seed=config.seed, gui=config.gui)
+        self._world = HallwayWorld(scenario, seed=config.seed)
         self.at_end.callback(self._world.close)
         self._next_episode = 0
         publisher = WorldPublisher(endpoints, self._world, with_tf=config.publish_tf)

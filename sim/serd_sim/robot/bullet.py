@@ -49,10 +49,10 @@ _ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 _CARRIAGE_KG = 1e-3
 
 
-def new_world(*, gui: bool = False) -> BulletClient:
-    """An empty world, in a window with gui."""
+def new_world() -> BulletClient:
+    """An empty world."""
     with _silent():
-        return BulletClient(pybullet.GUI if gui else pybullet.DIRECT)
+        return BulletClient(pybullet.DIRECT)
 
 
 def load_urdf(client: BulletClient, path: Path, **options: object) -> int:

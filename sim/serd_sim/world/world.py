@@ -14,7 +14,6 @@ from serd_core.grid.grid import Grid
 from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
-from serd_sim.pictures.scene import Scene
 from serd_sim.robot.contacts import ContactCounter, ContactCounts
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import KinematicRobot, standing_at
@@ -35,7 +34,7 @@ class HallwayWorld:
     goal_area_m: may be set to another area at any time.
     """
 
-    def __init__(self, scenario: Scenario, *, seed: int, gui: bool = False) -> None:
+    def __init__(self, scenario: Scenario, *, seed: int) -> None:
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self.scenario = scenario
         self.seed = seed
@@ -49,11 +48,6 @@ class HallwayWorld:
             if scenario.robot.drive == "physical"
             else KinematicRobot(scenario)
         )
-        try:
-            self._window = Scene(scenario, gui=True) if gui else None
-        except BaseException:
-            self._robot.close()
-            raise
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(scenario.odometry, self._robot.state.pose, self._rng(ODOMETRY))
@@ -107,11 +101,8 @@ class HallwayWorld:
         crowd.step(self.scenario.control_period_s, seen)
 
     def _observed_now(self) -> Observation:
-        """Make the observation of the present tick, and show it in the window."""
+        """Make the observation of the present tick."""
         crowd, robot = self._running(), self._robot.state
-        if self._window is not None:
-            self._window.place_robot(robot.pose)
-            self._window.place_people(crowd.position_m, crowd.velocity_mps)
         self._observation = make_observation(
             time_s=self.time_s,
             tick=self.tick,
@@ -183,8 +174,6 @@ class HallwayWorld:
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
         self._robot.close()
-        if self._window is not None:
-            self._window.close()
 
     def __enter__(self) -> "HallwayWorld":
         return self

@@ -1,21 +1,93 @@
-"""Pictures of the world from above, drawn straight into pixels: hundreds of frames a second.
+"""An episode from above, drawn straight into pixels, and its frames as files: PNG and GIF.
 
 A frame is (height, width, 3) uint8, row 0 at the top. Discs are blended with a smooth edge one
-pixel wide.
+pixel wide. A file is written beside its place and moved there when it is whole.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image, ImageDraw, ImageFont
 
+from serd_bag.errors import disk_errors
 from serd_core.arrays import FloatArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.pictures.movie import Frame
+from serd_sim.errors import SimError
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.polygon import contains
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
+
+#: (height, width, 3) picture.
+Frame = NDArray[np.uint8]
+
+
+def save_png(frame: Frame, path: str | Path) -> None:
+    """Write one frame."""
+    with _whole(Path(path)) as part:
+        Image.fromarray(frame).save(part, format="PNG", optimize=True)
+
+
+def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10.0) -> None:
+    """Write an endless GIF with one palette for all frames."""
+    others = iter(frames)
+    first = next(others, None)
+    if first is None:
+        raise SimError("a movie must have at least one frame, got none; record an episode first")
+    palette = Image.fromarray(first).quantize(colors=64)
+    images = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in others
+    )
+    with _whole(Path(path)) as part:
+        palette.save(
+            part,
+            format="GIF",
+            save_all=True,
+            append_images=images,
+            duration=round(1000.0 / frames_per_s),
+            loop=0,
+        )
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A path beside this one to write to; moved here at the end, removed after an error."""
+    part = path.with_name(f".part-{path.name}")
+    try:
+        with disk_errors("write", path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield part
+            part.replace(path)
+    finally:
+        with suppress(NotADirectoryError):
+            part.unlink(missing_ok=True)
+
+
+_HEIGHT_PX, _TEXT_PX, _MARGIN_PX = 22, 13, 6
+#: Room for the time at the end of a caption.
+_NARROWEST_PX = 120
+_PAPER, _INK = (255, 255, 255), (38, 50, 61)
+
+
+def with_caption(frame: Frame, text: str) -> Frame:
+    """The frame with a line of text below it, of which a narrow frame has the end."""
+    height, width = frame.shape[:2]
+    width = max(width, _NARROWEST_PX)
+    image = Image.new("RGB", (width, height + _HEIGHT_PX), _PAPER)
+    image.paste(Image.fromarray(frame), (0, 0))
+    font, shown = ImageFont.load_default(_TEXT_PX), text
+    while font.getlength(shown) > width - 2 * _MARGIN_PX:
+        text = text[1:]
+        shown = f"…{text}"
+    ImageDraw.Draw(image).text(
+        (_MARGIN_PX, height + _HEIGHT_PX // 2), shown, fill=_INK, font=font, anchor="lm"
+    )
+    return np.asarray(image)
+
 
 Colour = tuple[int, int, int]
 
