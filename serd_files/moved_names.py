@@ -1,6 +1,8 @@
 """Names of version 0.2.0 that left or moved, and where to; version 0.4.0 forgets them."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
+from operator import eq
 from typing import Any, Literal
 
 from serd_bag.nearest import hint
@@ -19,6 +21,18 @@ _KEYBOARD = (
     " of cmd_vel_teleop drives, as teleop_twist_keyboard (docs/how_to/drive_by_hand.md)"
 )
 _WALL = "every obstacle is a wall now; delete the key"
+
+_ONE_PLANNER = "the dynamic window planner is the only one (docs/planners.md); leave it out"
+_JOBLIB = "batches run on the processes of this machine; leave it out"
+#: Keys of a planner that has left, with their defaults, which files of older versions have.
+_MPPI = {
+    "batch_size": 300,
+    "time_steps": 14,
+    "model_dt": 0.1,
+    "temperature": 0.08,
+    "vx_std": 2.0,
+    "wz_std": 6.0,
+}
 
 _EVENTS = (
     "a decision ends where the robot enters another cell, or after patience_s (docs/scenarios.md)"
@@ -49,6 +63,8 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--no-page"): f"serd teleop and serd demo always have their page; {_KEYBOARD}",
     ("option", "--page"): "serd teleop and serd demo always have their page; leave the option out",
     ("option", "--list"): "serd launch and serd run list what there is where no name follows",
+    ("option", "--planner"): _ONE_PLANNER,
+    ("option", "--backend"): _JOBLIB,
     ("option", "--view"): "films are drawn from above; leave it out",
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
@@ -62,6 +78,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ),
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
+    ("parameter", "planner"): _ONE_PLANNER,
     ("parameter", "gui"): "serd watch shows a running stack; leave it out",
     ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
@@ -79,6 +96,8 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("key", "expert"): f"{_TYPES}; delete the key",
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",
     ("key", "imu"): "no node read it, and it has left; delete the key",
+    **{("key", name): _ONE_PLANNER for name in _MPPI},
+    ("key", "planner"): _ONE_PLANNER,
     ("key", "mass_kg"): _WALL,
     ("key", "hinge_m"): _WALL,
 }
@@ -95,6 +114,7 @@ _WITHOUT_EFFECT: dict[str, Callable[[Any], bool]] = {
     "imu": lambda value: value == _IMU,
     "mass_kg": lambda value: value is None,
     "hinge_m": lambda value: value is None,
+    **{name: partial(eq, default) for name, default in _MPPI.items()},
 }
 
 

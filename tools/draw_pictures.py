@@ -46,7 +46,7 @@ from serd_files.episode_table import load_episodes
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.drivers.strategy import Strategy, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import Command
@@ -247,7 +247,7 @@ def _episode_states() -> list[dict[str, Any]]:
 
     with HallwayWorld(HALLWAY, seed=1) as world:
         driver = make_driver("expert", HALLWAY, 1)
-        run_episode(world, make_planner("dwa", HALLWAY), driver, episode=0, observer=see)
+        run_episode(world, make_planner(HALLWAY), driver, episode=0, observer=see)
     return states
 
 

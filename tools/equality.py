@@ -40,19 +40,17 @@ def digest(content: bytes | str) -> str:
 
 
 def trajectories(_: Path) -> Found:
-    """Every pose of 21 episodes: planners, robots, crowds, people given or by scans, no guard."""
+    """Every pose of 13 episodes: robots, crowds, people given or by scans, no guard."""
     from serd_sim.drivers.catalogue import make_driver
     from serd_sim.episodes.batch import scenario_of
     from serd_sim.episodes.episode import run_episode
-    from serd_sim.planning.catalogue import planner_in_world
+    from serd_sim.perception.scanning_planner import planner_in_world
     from serd_sim.safety.world_guard import no_guard
     from serd_sim.world.world import HallwayWorld
 
     found: Found = {}
 
-    def drive(
-        name: str, scenario: Any, planner: str, people_from: str, seed: int, **more: Any
-    ) -> None:
+    def drive(name: str, scenario: Any, people_from: str, seed: int, **more: Any) -> None:
         poses = hashlib.sha256()
 
         def see(*seen: Any) -> None:
@@ -63,7 +61,7 @@ def trajectories(_: Path) -> Found:
         with HallwayWorld(scenario, seed=seed) as world:
             record = run_episode(
                 world,
-                planner_in_world(planner, world, people_from),
+                planner_in_world(world, people_from),
                 make_driver(more.pop("driver", "expert_with_flow"), scenario, seed),
                 episode=0,
                 start_area="train",
@@ -73,24 +71,23 @@ def trajectories(_: Path) -> Found:
         found[name] = [poses.hexdigest()[:16], record.outcome, record.duration_s]
 
     for seed in range(2):
-        for planner in ("dwa", "dwa_smooth", "mppi"):
-            for people_from in ("given", "scan"):
-                hallway = scenario_of("hallway", 30)
-                drive(f"{planner} {people_from} {seed}", hallway, planner, people_from, seed)
+        for people_from in ("given", "scan"):
+            hallway = scenario_of("hallway", 30)
+            drive(f"dwa {people_from} {seed}", hallway, people_from, seed)
     hallway = scenario_of("hallway", 30)
-    drive("no guard", hallway, "dwa", "given", 3, guard=no_guard)
-    drive("60 people", scenario_of("hallway", 60), "dwa", "given", 4)
-    drive("no people", scenario_of("hallway", 0), "dwa", "given", 5)
+    drive("no guard", hallway, "given", 3, guard=no_guard)
+    drive("60 people", scenario_of("hallway", 60), "given", 4)
+    drive("no people", scenario_of("hallway", 0), "given", 5)
     for driver in ("expert", "varied_expert", "hasty_expert"):
-        drive(driver, hallway, "dwa", "given", 6, driver=driver)
+        drive(driver, hallway, "given", 6, driver=driver)
     kinematic = hallway.model_copy(
         update={"robot": hallway.robot.model_copy(update={"drive": "kinematic"})}
     )
-    drive("kinematic", kinematic, "dwa", "given", 7)
+    drive("kinematic", kinematic, "given", 7)
     for model in ("helbing_molnar_1995", "collision_prediction"):
         people = hallway.pedestrians.model_copy(update={"model": model})
         crowd = hallway.model_copy(update={"pedestrians": people})
-        drive(model, crowd, "dwa", "given", 8)
+        drive(model, crowd, "given", 8)
     return found
 
 

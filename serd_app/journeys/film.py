@@ -10,7 +10,7 @@ from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.batch import EpisodeTask, scenario_of
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
 from serd_sim.episodes.film import Frame, TopView, save_gif, save_png, with_caption
-from serd_sim.planning.catalogue import planner_in_world
+from serd_sim.perception.scanning_planner import planner_in_world
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 from serd_sim.world.world import HallwayWorld
@@ -50,7 +50,7 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, list[O
     driver = make_driver(task.driver, scenario, task.seed)
     with HallwayWorld(scenario, seed=task.seed) as world:
         seen: list[Observation] = []
-        planner = planner_in_world(task.planner, world, task.people_from)
+        planner = planner_in_world(world, task.people_from)
         record = run_episode(
             world,
             planner,

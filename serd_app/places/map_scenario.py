@@ -17,8 +17,7 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import Grid
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import yaml_model
-from serd_sim.scenario.goal import cell_area_m, goal_cell
-from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.grid import cell_area_m, goal_cell, grid_of
 from serd_sim.scenario.polygon import contains, edges_of, walkable_cells
 from serd_sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario

@@ -32,8 +32,8 @@ from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import driver_names
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
-from serd_sim.scenario.goal import point_of
+from serd_sim.episodes.execution import EpisodeSettings, WorldSettings
+from serd_sim.scenario.grid import point_of
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
@@ -96,7 +96,6 @@ def film(
     output: Annotated[Path, opt("file to write: .gif or .png")],
     scenario: ScenarioName = "hallway",
     policy: Policy = "expert",
-    planner: str = option(WorldSettings, "planner"),
     people_from: PeopleFrom = "given",
     seed: int = option(EpisodeSettings, "seed", default=1),
     episode: Annotated[int, opt("number of the episode", min=0)] = 0,
@@ -122,7 +121,7 @@ def film(
     validated(MovieSettings, speed=speed)
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
-    task = EpisodeTask(scenario, seed, episode, people, start_area, planner, policy, people_from)
+    task = EpisodeTask(scenario, seed, episode, people, start_area, policy, people_from)
     done = drive_and_draw(task, output, speed=speed, at_s=at_s, track=_with_bar)
     picture = str(output.resolve())
     if as_json:

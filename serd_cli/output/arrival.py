@@ -85,7 +85,6 @@ def drive_through_ros(
     with TemporaryDirectory() if output is None else nullcontext(str(output)) as folder:
         given = {
             **settings.model_dump(include=same_names, exclude_none=True),
-            "local_planner.planner": settings.planner,
             "strategy.output": folder,
         }
         logs = Path(folder) / "logs"

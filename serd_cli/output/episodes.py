@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from serd_cli.output.terminal import console, finite_values, table_of
-from serd_sim.episodes.batch_summary import ConditionSummary
+from serd_sim.episodes.batch import ConditionSummary
 
 
 def print_episodes(summaries: Sequence[ConditionSummary], output: Path) -> None:
@@ -63,7 +63,4 @@ def _condition(summary: ConditionSummary) -> str:
     people = "" if summary.n_people is None else f", {summary.n_people} people"
     seen = ", from scans" if summary.people_from == "scan" else ""
     seen += "" if summary.guarded else ", without guard"
-    return (
-        f"{summary.scenario}{people}, from {summary.start_area}: "
-        f"{summary.driver} by {summary.planner}{seen}"
-    )
+    return f"{summary.scenario}{people}, from {summary.start_area}: {summary.driver}{seen}"

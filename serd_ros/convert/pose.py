@@ -23,7 +23,7 @@ from serd_ros.convert.stamp import require_finite, require_frame, stamp_ns, to_h
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from serd_sim.safety.motion import STANDING, compose, motion_between
-from serd_sim.scenario.goal import Area
+from serd_sim.scenario.grid import Area
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 

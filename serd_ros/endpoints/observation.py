@@ -17,8 +17,7 @@ from serd_ros.endpoints.localisation import LOCALISATIONS
 from serd_ros.endpoints.people_topic import PeopleTopic
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan
-from serd_sim.world.observation import Observation, People
-from serd_sim.world.observation_inbox import ObservationInbox
+from serd_sim.world.observation import Observation, ObservationInbox, People
 
 #: Without an observation for this time (s) what is missing is reported.
 _SILENCE_S = 2.5

@@ -25,7 +25,7 @@ from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
-from serd_sim.perception.people_tracker import PeopleTracker
+from serd_sim.perception.scan_people import PeopleTracker
 from serd_sim.world.observation import People
 
 _LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0

@@ -12,7 +12,7 @@ from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.episodes.starter import EpisodeStarter
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 

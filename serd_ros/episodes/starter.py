@@ -18,7 +18,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.world.worlds import WORLD_TOPICS, several_worlds
 from serd_ros.graph.readiness import Readiness
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 
 _LOOK_AGAIN_S = 0.05
 #: The middleware loses the response of a server that has not found its client's reader yet.

@@ -21,10 +21,10 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, FramesConfig, StackConfig
-from serd_sim.episodes.result import EpisodeStart
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeStart
+from serd_sim.episodes.execution import EpisodeSettings, WorldSettings
 from serd_sim.errors import SimError
-from serd_sim.scenario.goal import with_goal
+from serd_sim.scenario.grid import with_goal
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 

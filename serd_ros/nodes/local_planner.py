@@ -29,25 +29,22 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.episodes.execution import EpisodeSettings
 from serd_sim.perception.scanning_planner import ScanMatcher
-from serd_sim.planning.catalogue import make_planner
-from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner
+from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner, make_planner
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.directive import FollowedDirective, resolved
 from serd_sim.world.epochs import epochs_in
 from serd_sim.world.observation import Observation, is_next_episode
-from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.waypoint import FollowedDirective, Waypoint, resolved
 
 
 class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, ManagedConfig):
     """Parameters of local_planner; those of `PlannerSettings` default to the scenario's."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
-    planner: str = setting_of(WorldSettings, "planner")
     lockstep: bool = setting_of(
         StackConfig, "lockstep", description="answer every observation with one command"
     )
@@ -90,7 +87,7 @@ class LocalPlannerNode(ManagedNode[LocalPlannerConfig]):
     def configure(self) -> Activate:
         """Load the scenario and make the planner."""
         scenario = self.config.planned_scenario()
-        return partial(Planning, scenario, make_planner(self.config.planner, scenario))
+        return partial(Planning, scenario, make_planner(scenario))
 
 
 class Planning(Activity):

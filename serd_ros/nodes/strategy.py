@@ -30,11 +30,10 @@ from serd_ros.endpoints.strategy_reporter import StrategyReporter
 from serd_ros.episodes.runner import EpisodeRunner
 from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import DriverConfig, StackConfig
-from serd_sim.episodes.result import ANYWHERE, EpisodeStart
+from serd_sim.episodes.episode import ANYWHERE, EpisodeStart
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.directive import REPEAT_PERIOD_S
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import Waypoint, heading_to, waypoint_of_intent
+from serd_sim.world.waypoint import REPEAT_PERIOD_S, Waypoint, heading_to, waypoint_of_intent
 
 _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"

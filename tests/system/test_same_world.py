@@ -13,9 +13,10 @@ from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.pose import from_pose
 from serd_ros.convert.stamp import stamp_s
-from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.catalogue import ScriptedExpert
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner, planner_in_world
+from serd_sim.perception.scanning_planner import planner_in_world
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 from support.recorded_messages import recorded
@@ -31,7 +32,7 @@ def drive_alone(seed, episodes=1, timeout_s=TIMEOUT_S):
     """(N, 3) poses of each episode in process, and its record."""
     scenario, driven = load_scenario("hallway"), []
     with HallwayWorld(scenario, seed=seed) as world:
-        planner, expert = make_planner("dwa", scenario), ScriptedExpert(scenario, seed)
+        planner, expert = make_planner(scenario), ScriptedExpert(scenario, seed)
         for episode in range(episodes):
             poses = []
             record = run_episode(
@@ -130,7 +131,7 @@ def test_scans_alone_and_slipping_wheels_give_the_same_through_ros(nodes, tmp_pa
     scenario = load_scenario(path)
     with HallwayWorld(scenario, seed=SEEDS["robot1"]) as world:
         planner, expert = (
-            planner_in_world("dwa", world, "scan"),
+            planner_in_world(world, "scan"),
             ScriptedExpert(scenario, SEEDS["robot1"]),
         )
         poses, odometry = [], []

@@ -7,10 +7,16 @@ then people who are too close to a wall are put back, so that no one passes it.
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_sim.crowd.distances import PairGeometry, WallGeometry
 from serd_sim.crowd.robots import RobotBody, headings_around
 from serd_sim.crowd.routes import Routes, offset_loop
-from serd_sim.crowd.social_force import Bodies, Force, SocialForceModel, model_named
+from serd_sim.crowd.social_force import (
+    Bodies,
+    Force,
+    PairGeometry,
+    SocialForceModel,
+    WallGeometry,
+    model_named,
+)
 from serd_sim.scenario.settings import Loop, PedestrianSettings
 
 _CLOSEST_TO_WALL = 0.6

@@ -5,19 +5,23 @@ begins, plan towards the waypoint, guard the command, step the world.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
 
 from serd_core.grid.grid import Action
 from serd_core.semi_markov.timed_decisions import TimedDecisions
+from serd_files.episode_table import EpisodeResult
+from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.local_planner import LocalPlanner
 from serd_sim.robot.contacts import ContactCounts
 from serd_sim.safety.world_guard import CommandFilter, WorldGuard
-from serd_sim.scenario.goal import Area
+from serd_sim.scenario.grid import Area
 from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
@@ -27,6 +31,7 @@ from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 
 if TYPE_CHECKING:  # which needs PyBullet; nodes on a robot use what this module defines
     from serd_sim.world.world import HallwayWorld
+
 
 Ending = Literal["arrived", "timeout", "aborted"]
 Observer = Callable[[Observation, Command, Action], bool | None]
@@ -159,3 +164,60 @@ def _action(driver: Driver, observation: Observation, state: int) -> Action:
             f"decide of {type(driver).__name__} must return an Action, one of {names}, got"
             f" {chosen!r}; return Action.WAIT to stand"
         ) from None
+
+
+#: What a record and a row both have.
+_OF_RECORD = {each.name for each in fields(EpisodeResult)} & {
+    each.name for each in fields(EpisodeRecord)
+}
+#: Start area of an episode that began without a reset.
+ANYWHERE = "anywhere"
+
+
+class EpisodeStart(StrictModel):
+    """An episode that begins now; observations before start_s belong to the one before.
+
+    The service `reset` responds with it as JSON.
+    """
+
+    episode: int = Field(ge=0)
+    seed: int = Field(ge=0)
+    start_area: str
+    start_s: float
+
+
+def observed_result(
+    start: EpisodeStart,
+    progress: EpisodeProgress,
+    report: Mapping[str, str],
+    *,
+    driver: str,
+    outcome: Ending,
+    reason: str,
+    wall_s: float,
+) -> EpisodeResult:
+    """The row of an episode over ROS; report: values of `hallway_sim` on `diagnostics`, as text."""
+    duration_s = progress.duration_s
+    contacts: dict[str, Any] = {each.name: int(report[each.name]) for each in fields(ContactCounts)}
+    return EpisodeResult(
+        **start.model_dump(exclude={"start_s"}),
+        driver=driver,
+        outcome=outcome,
+        time_of_arrival_s=duration_s if outcome == "arrived" else math.nan,
+        duration_s=duration_s,
+        distance_m=progress.distance_m,
+        **contacts,
+        minimum_person_distance_m=float(report["minimum_person_distance_m"]),
+        wall_s=wall_s,
+        reason=reason,
+    )
+
+
+def result_of_record(record: EpisodeRecord, *, reason: str, wall_s: float) -> EpisodeResult:
+    """The row of an episode that was run in process; reason: why the driver gave up, or empty."""
+    return EpisodeResult(
+        **{name: getattr(record, name) for name in _OF_RECORD},
+        **asdict(record.contacts),
+        wall_s=wall_s,
+        reason="" if record.outcome == "arrived" else reason,
+    )

@@ -14,12 +14,12 @@ from typing import Protocol
 import numpy as np
 
 from serd_sim.crowd.social_force import model_named
+from serd_sim.planning.dwa import DwaPlanner
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.robot.unicycle import limited_velocity
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
-from serd_sim.world.command import STOP, Command
+from serd_sim.world.command import STOP, Command, limited_velocity
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 
@@ -66,6 +66,11 @@ def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Beh
     if back_mps <= 0.0:
         return spin, wait
     return (Command(-back_mps, 0.0), settings.backup_dist / back_mps), spin, wait
+
+
+def make_planner(scenario: Scenario) -> "RecoveringPlanner":
+    """The dynamic window planner with its recoveries, for the scenario's walls and robot."""
+    return RecoveringPlanner(DwaPlanner(scenario), scenario)
 
 
 class RecoveringPlanner:

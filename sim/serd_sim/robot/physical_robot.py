@@ -15,26 +15,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_sim.crowd.crowd import Crowd
-from serd_sim.crowd.distances import WallGeometry
 from serd_sim.crowd.robots import RobotBody
+from serd_sim.crowd.social_force import WallGeometry
 from serd_sim.errors import SimError
 from serd_sim.robot.bullet import (
     BulletClient,
+    Moving,
+    PeopleBodies,
+    Velocity,
     add_wall,
     close,
     let_move_freely,
     load_urdf,
+    near_people,
     new_world,
     pybullet,
     turned,
 )
 from serd_sim.robot.contacts import Touches
-from serd_sim.robot.people_bodies import Moving, PeopleBodies, Velocity, near_people
 from serd_sim.robot.robot import RobotState
-from serd_sim.robot.unicycle import limited_velocity
 from serd_sim.robot.urdf import conjugate, product, rotated, yaw_of
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.command import Command
+from serd_sim.world.command import Command, limited_velocity
 
 Wheels = tuple[float, float]
 

@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_sim.crowd.crowd import Crowd
-from serd_sim.crowd.distances import WallGeometry
 from serd_sim.crowd.robots import RobotBody
+from serd_sim.crowd.social_force import WallGeometry
 from serd_sim.robot.bullet import close, new_world, pybullet
 from serd_sim.robot.contacts import Touches
-from serd_sim.robot.unicycle import chord_velocity, limited_velocity
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.command import Command
+from serd_sim.world.command import Command, chord_velocity, limited_velocity
 from serd_sim.world.observation import Pose
 
 _CORNER_PASSES = 3

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
-from serd_sim.planning.nearby_people import distance_to_nearest
+from serd_sim.planning.rollout_costs import distance_to_nearest
 from serd_sim.safety.collision_monitor import CollisionMonitor, Obstacles
 from serd_sim.safety.input_monitor import (
     Check,

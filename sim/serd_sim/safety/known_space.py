@@ -25,7 +25,7 @@ from functools import lru_cache
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_sim.planning.nearby_people import distance_to_nearest
+from serd_sim.planning.rollout_costs import distance_to_nearest
 from serd_sim.robot.sensors import range_to_lines
 from serd_sim.safety.motion import STANDING, Pose, compose, in_frame, motion_between, out_of_frame
 from serd_sim.safety.scan import Scan, ScanGeometry

@@ -18,14 +18,21 @@ from serd_sim.robot.contacts import ContactCounter, ContactCounts
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import KinematicRobot, standing_at
 from serd_sim.robot.sensors import Lidar, Odometry
-from serd_sim.scenario.goal import Area
-from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.scenario.grid import Area, grid_of, start_states_of
 from serd_sim.scenario.polygon import contains_point
 from serd_sim.scenario.rules import START_SPREAD
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.observation import EPISODE_GAP_S, Observation, make_observation
-from serd_sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
+from serd_sim.world.observation import (
+    CROWD,
+    EPISODE_GAP_S,
+    LIDAR,
+    ODOMETRY,
+    START,
+    Observation,
+    episode_rng,
+    make_observation,
+)
 
 
 class HallwayWorld:

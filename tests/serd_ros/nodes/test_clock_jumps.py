@@ -7,7 +7,7 @@ from rclpy.serialization import serialize_message
 
 from serd_ros.convert.command import to_twist_stamped
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.valid_messages import GOAL_M, valid_message

@@ -11,7 +11,7 @@ from serd_ros.convert.pose import to_odometry, to_pose_stamped
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.episodes.page_view import episode_values
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
 from support.valid_messages import valid_message

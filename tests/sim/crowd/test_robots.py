@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.crowd.distances import WallGeometry
 from serd_sim.crowd.robots import RobotBody, headings_around
+from serd_sim.crowd.social_force import WallGeometry
 from tests.sim.crowd.test_social_force import FAR_WALL, crowd_at, walk
 
 CLEARANCE_M, BODY_M, ROBOT_M = 0.2, 0.25, 0.25

@@ -8,7 +8,7 @@ from serd_core.policies.solved_policy import optimal_policy
 from serd_files.errors import USER_ERRORS
 from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
-from serd_sim.drivers.expert import (
+from serd_sim.drivers.catalogue import (
     STYLES,
     ExpertSettings,
     RouteCosts,

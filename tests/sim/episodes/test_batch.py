@@ -95,7 +95,6 @@ def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_o
     ("task", "sentence"),
     [
         (EpisodeTask("crosing", 1), "did you mean 'crossing'"),
-        (EpisodeTask("crossing", 1, planner="dwb"), "did you mean 'dwa'"),
         (EpisodeTask("crossing", 1, start_area="trian"), "did you mean 'train'"),
         (EpisodeTask("crossing", 1, driver="none.yaml"), "none.yaml"),
         (EpisodeTask("crossing", 1, people_from="scans"), "did you mean 'scan'"),

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_sim.drivers.catalogue import make_driver
-from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.catalogue import ScriptedExpert, make_driver
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.episodes.episode import run_episode
 from serd_sim.errors import SimError
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
@@ -26,7 +25,7 @@ HALLWAY = load_scenario("hallway")
 @pytest.fixture(scope="module")
 def demonstrations():
     with HallwayWorld(HALLWAY, seed=1) as world:
-        planner, expert = make_planner("dwa", HALLWAY), ScriptedExpert(HALLWAY, 1)
+        planner, expert = make_planner(HALLWAY), ScriptedExpert(HALLWAY, 1)
         return world.grid, [
             run_episode(world, planner, expert, episode=episode) for episode in range(3)
         ]
@@ -71,7 +70,7 @@ def test_decisions_follow_each_other_and_last_at_most_the_patience(demonstration
 
 def drive(scenario, driver, *, seed=11, **options):
     with HallwayWorld(scenario, seed=seed) as world:
-        return run_episode(world, make_planner("dwa", scenario), driver, episode=0, **options)
+        return run_episode(world, make_planner(scenario), driver, episode=0, **options)
 
 
 def test_where_nobody_is_blocked_a_drive_does_not_depend_on_patience_and_is_fast():
@@ -138,7 +137,7 @@ class Mine:
 
 @pytest.mark.parametrize("wrong", [None, (0.1, 0.0), 5, math.nan])
 def test_a_planner_without_a_command_and_a_driver_without_an_action_are_named(wrong):
-    planner, driver = make_planner("dwa", HALLWAY), ScriptedExpert(HALLWAY, 2)
+    planner, driver = make_planner(HALLWAY), ScriptedExpert(HALLWAY, 2)
     with HallwayWorld(HALLWAY, seed=2) as world:
         with pytest.raises(SimError, match=r"step of Mine must return a Command, .* return STOP"):
             run_episode(world, Mine(wrong), driver, episode=0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from serd_sim.perception.scanning_planner import ScanMatcher
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.robot.sensors import Lidar
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
@@ -40,7 +40,7 @@ def test_a_scan_counts_once_the_observation_of_its_stamp_is_there(matcher, scan_
 
 def test_a_scan_sent_twice_is_taken_once(matcher):
     """Of two scans of a walker 0.1 s apart, the second one again would make him stand."""
-    planner = matcher.planner_on(make_planner("dwa", HALLWAY))
+    planner = matcher.planner_on(make_planner(HALLWAY))
     for tick, x_m in ((2, 4.5), (4, 4.6), (4, 4.6), (4, 4.6)):
         matcher.take_observation(standing(tick))
         matcher.take_scan(*scan_at(tick, x_m))

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.catalogue import ScriptedExpert
 from serd_sim.episodes.episode import run_episode
-from serd_sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
-from serd_sim.perception.scan_people import ScanPerception, people_in_scan
-from serd_sim.perception.scanning_planner import ScanningPlanner
-from serd_sim.planning.catalogue import make_planner, planner_in_world
+from serd_sim.perception.scan_people import (
+    FASTEST_MPS,
+    PeopleTracker,
+    ScanPerception,
+    people_in_scan,
+)
+from serd_sim.perception.scanning_planner import ScanningPlanner, planner_in_world
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.robot.sensors import Lidar
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import load_scenario
@@ -102,7 +106,7 @@ def test_somebody_unseen_is_remembered_for_half_a_second_and_then_forgotten():
 def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone():
     scenario = load_scenario("crossing").with_values("lidar", noise_deviation_m=0.02)
     with HallwayWorld(scenario, seed=3) as world:
-        planner = planner_in_world("mppi", world, "scan")
+        planner = planner_in_world(world, "scan")
         record = run_episode(world, planner, ScriptedExpert(scenario, 3), episode=0)
     assert record.outcome == "arrived"
     assert record.contacts.robot_on_person == record.contacts.robot_on_wall == 0
@@ -115,7 +119,7 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
     def commands(observation, people):
         ranges = LIDAR.scan(observation.pose, people[:, 0], people[:, 1])
         planner = ScanningPlanner(
-            make_planner("dwa", HALLWAY).planner, HALLWAY, ScanPerception(HALLWAY), lambda _: ranges
+            make_planner(HALLWAY).planner, HALLWAY, ScanPerception(HALLWAY), lambda _: ranges
         )
         return [planner.step(observation, Waypoint(3.0, 10.0)) for _ in range(3)]
 

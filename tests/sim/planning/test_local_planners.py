@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 
 from serd_core.grid.grid import Action
 from serd_sim.episodes.batch import EpisodeTask, run_task
-from serd_sim.planning.catalogue import make_planner, planner_names
-from serd_sim.robot.unicycle import chord_velocity, limited_velocity
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import Obstacle
-from serd_sim.world.command import STOP
+from serd_sim.world.command import STOP, chord_velocity, limited_velocity
 from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 from support.observations import observation_at
 
@@ -22,9 +21,9 @@ HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 
 
-@pytest.fixture(params=planner_names())
-def planner(request):
-    return make_planner(request.param, HALLWAY)
+@pytest.fixture
+def planner():
+    return make_planner(HALLWAY)
 
 
 def drive(planner, pose, waypoint, n_ticks, people=()):
@@ -55,13 +54,12 @@ def test_an_unhindered_robot_passes_the_next_cell_within_its_patience(planner, s
     assert wanted in GRID.states_at(poses[:, :2])
 
 
-@pytest.mark.parametrize("name", planner_names())
-def test_a_robot_passes_the_corner_of_a_table_in_cells_that_it_nearly_fills(name):
+def test_a_robot_passes_the_corner_of_a_table_in_cells_that_it_nearly_fills():
     """Cells of 0.24 m, a robot of 0.21 m; the next cell is 3 mm from the table."""
     table = Obstacle(name="table", outline_m=((2.0, 0.7), (2.6, 0.7), (2.6, 1.7), (2.0, 1.7)))
     robot = HALLWAY.robot.model_copy(update={"radius_m": 0.105, "max_vel_x_mps": 0.4})
     changes = {"cell_size_m": 0.24, "robot": robot, "obstacles": (table,)}
-    planner = make_planner(name, HALLWAY.model_copy(update=changes))
+    planner = make_planner(HALLWAY.model_copy(update=changes))
     poses, _ = drive(planner, (1.843, 0.605, -0.4), Waypoint(2.28, 0.6), 60)
     assert math.dist(poses[-1, :2], (2.28, 0.6)) < 0.12
     assert np.hypot(*(poses[:, :2] - (2.0, 0.7)).T).min() > robot.radius_m
@@ -115,37 +113,9 @@ def test_a_person_without_a_finite_velocity_is_driven_round_as_one_who_stands(pl
     assert commands[0] == commands[1] == commands[2]
 
 
-def both_kinds(seen):
-    """Commands of the dynamic window planner and of its smooth kind."""
-    planners = (make_planner(name, HALLWAY) for name in ("dwa", "dwa_smooth"))
-    return [planner.step(seen, Waypoint(3.0, 9.0)) for planner in planners]
+PLANNER = make_planner(HALLWAY)
 
 
-@pytest.mark.parametrize(("speed_mps", "y_m"), [(0.0, 2.0), (0.8, 6.0), (0.8, 8.4)])
-def test_the_smooth_planner_drives_a_sixth_of_the_way_to_the_chosen_speed(speed_mps, y_m):
-    """Its time constant of 0.3 s is six control periods; it brakes at the waypoint as the other."""
-    seen = observation_at(3.0, y_m, yaw_rad=math.pi / 2, speed_mps=speed_mps)
-    direct, smooth = both_kinds(seen)
-    expected = speed_mps + (direct.linear_mps - speed_mps) / 6.0
-    if y_m < 8.0:
-        assert smooth.linear_mps == pytest.approx(expected)
-    assert smooth.linear_mps <= max(expected, direct.linear_mps) + 1e-12
-    assert smooth.angular_radps == direct.angular_radps
-
-
-def test_the_smooth_planner_brakes_at_once_where_a_slower_approach_would_hit_a_person():
-    seen = observation_at(
-        3.0, 6.0, yaw_rad=math.pi / 2, speed_mps=1.2, people=((2.7, 7.0), (3.3, 7.0))
-    )
-    direct, smooth = both_kinds(seen)
-    assert direct.linear_mps < 0.5
-    assert smooth == direct
-
-
-PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}
-
-
-@pytest.mark.parametrize("name", planner_names())
 @settings(max_examples=40)
 @given(
     place=st.tuples(st.floats(0.3, 5.7), st.floats(0.3, 23.7), st.floats(-math.pi, math.pi)),
@@ -154,28 +124,19 @@ PLANNERS = {name: make_planner(name, HALLWAY) for name in planner_names()}
     to=st.tuples(*[st.floats(-2.0, 2.0)] * 2),
 )
 def test_whatever_is_seen_the_command_is_finite_and_within_the_robots_limits(
-    name, place, speeds, people, to
+    place, speeds, people, to
 ):
     rows = np.array(people, dtype=float).reshape(-1, 4)
     motion = dict(zip(("speed_mps", "yaw_rate_radps"), speeds, strict=True))
     seen = observation_at(*place, **motion, people=rows[:, :2] + place[:2], velocity=rows[:, 2:])
-    command = PLANNERS[name].step(seen, Waypoint(place[0] + to[0], place[1] + to[1]))
+    command = PLANNER.step(seen, Waypoint(place[0] + to[0], place[1] + to[1]))
     robot = HALLWAY.robot
     assert command.is_finite
     assert robot.min_vel_x_mps <= command.linear_mps <= robot.max_vel_x_mps + 1e-9
     assert abs(command.angular_radps) <= robot.max_vel_theta_radps + 1e-9
 
 
-@pytest.mark.parametrize(
-    ("name", "driver"),
-    [
-        ("dwa", "expert_against_flow"),
-        ("dwa_smooth", "expert_with_flow"),
-        ("mppi", "expert_with_flow"),
-    ],
-)
-def test_the_robot_arrives_among_many_people_and_drives_into_nobody_with_the_flow(name, driver):
-    row = run_task(EpisodeTask("crossing", 3, n_people=60, planner=name, driver=driver))
+def test_the_robot_arrives_among_many_people_against_the_flow():
+    row = run_task(EpisodeTask("crossing", 3, n_people=60, driver="expert_against_flow"))
     assert row["outcome"] == "arrived"
     assert row["robot_on_wall"] == 0
-    assert row["robot_on_person"] == 0 or driver == "expert_against_flow"

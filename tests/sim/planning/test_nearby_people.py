@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.planning.nearby_people import distance_to_nearest, predict_nearby
+from serd_sim.planning.rollout_costs import distance_to_nearest, predict_nearby
 from support.observations import observation_at
 
 TIME_S = np.array([0.5, 1.0, 2.0])

@@ -14,7 +14,7 @@ from support.observations import observation_at
 
 TIME_S = np.array([0.5, 1.0])
 SETTINGS = CostSettings()
-COSTS = RolloutCosts(load_scenario("hallway"), SETTINGS, TIME_S)
+COSTS = RolloutCosts(load_scenario("hallway"), TIME_S)
 
 
 def seen(people=(), velocity=None):
@@ -59,7 +59,7 @@ def test_walls_cost_by_the_nearest_one_of_all_times_and_forbid_the_first_times_o
 def test_a_person_at_the_margin_is_not_too_close(share, is_too_close, velocity):
     """Both margins are 0.75 m and both radii 0.25 m: (3.75, 9) is 1.25 m from (3, 8)."""
     settings = CostSettings(person_margin_m=0.75, stopped_margin_m=0.75)
-    costs = RolloutCosts(load_scenario("hallway"), settings, TIME_S)
+    costs = RolloutCosts(load_scenario("hallway"), TIME_S, settings)
     around = costs.look(seen([(3.0 + 0.75 * share, 8.0 + share)], [velocity]))
     _, too_close = costs.people(np.array([[3.0, 2.5]]), np.full((1, 2), 8.0), around, 2)
     assert too_close.tolist() == [[is_too_close, False]]
@@ -110,7 +110,7 @@ def test_the_finer_the_cells_the_nearer_a_wall_may_be_and_the_raster_has_a_milli
     cell_size_m, share
 ):
     scenario = load_scenario("hallway").model_copy(update={"cell_size_m": cell_size_m})
-    costs = RolloutCosts(scenario, CostSettings(), np.array([0.1, 0.2]))
+    costs = RolloutCosts(scenario, np.array([0.1, 0.2]))
     assert costs._walls.distance_m.size < 1.1e6
     margin_m = costs._least_wall_m - scenario.robot.radius_m
     assert margin_m == pytest.approx(0.05 * share, rel=1e-3)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from serd_core.errors import SerdError
-from serd_sim.planning.catalogue import make_planner
-from serd_sim.planning.rollouts import (
+from serd_sim.planning.dwa import (
     before_stop,
     reachable_window,
     require_foresight,
     roll_out,
     speed_to_stop_within,
 )
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.waypoint import Waypoint
@@ -93,18 +93,16 @@ STOPPING = RobotSettings(acc_lim_x_mps2=2.0, max_vel_x_mps=1.0)
 TENTHS_S = np.arange(1, 11) / 10.0
 
 
-def test_planners_are_no_faster_than_they_can_stop_at_the_waypoint():
-    """v^2 = 2 * 0.7 a d; dwa samples even shares of that speed, mppi clips its plans at it."""
+def test_the_planner_is_no_faster_than_it_can_stop_at_the_waypoint():
+    """v^2 = 2 * 0.7 a d; samples are even shares of that speed."""
     for distance_m in (0.01, 4.0):
         speed_mps = speed_to_stop_within(distance_m, STOPPING)
         assert speed_mps**2 / (2 * 0.7 * STOPPING.acc_lim_x_mps2) == pytest.approx(distance_m)
     hallway = load_scenario("hallway").with_pedestrian_count(0)
     limit_mps = speed_to_stop_within(0.12, hallway.robot)
     ahead = Waypoint(3.12, 8.0)
-    sampled = make_planner("dwa", hallway).step(observation_at(3.0, 8.0), ahead).linear_mps
+    sampled = make_planner(hallway).step(observation_at(3.0, 8.0), ahead).linear_mps
     assert sampled == pytest.approx(limit_mps / (hallway.local_planner.vx_samples - 2))
-    fast = observation_at(3.0, 8.0, speed_mps=1.1)
-    assert make_planner("mppi", hallway).step(fast, ahead).linear_mps == pytest.approx(limit_mps)
 
 
 def test_only_the_times_before_the_robot_has_stopped_are_given():

@@ -8,8 +8,7 @@ from serd_sim.crowd import social_force
 from serd_sim.crowd.social_force import CircularAnisotropic
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner, planner_in_world, planner_names
-from serd_sim.planning.local_planner import RecoveringPlanner
+from serd_sim.planning.local_planner import RecoveringPlanner, make_planner
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP
@@ -27,11 +26,11 @@ def with_parameters(**parameters):
     return HALLWAY.with_local_planner(PlannerSettings(**parameters))
 
 
-def driven(scenario, name):
+def driven(scenario):
     """(n, 2) speeds and turning rates of the robot within 4 s of its way up the empty hallway."""
     motion = []
     with HallwayWorld(scenario, seed=3) as world:
-        planner, driver = planner_in_world(name, world), make_driver("expert", scenario, 3)
+        planner, driver = make_planner(scenario), make_driver("expert", scenario, 3)
         run_episode(
             world, planner, driver, episode=0, timeout_s=4.0,
             observer=lambda seen, *_: motion.append((seen.speed_mps, seen.yaw_rate_radps)),
@@ -39,16 +38,15 @@ def driven(scenario, name):
     return np.array(motion)
 
 
-@pytest.mark.parametrize("name", planner_names())
-def test_a_scenarios_planner_keeps_to_its_speeds_and_accelerations(name):
+def test_a_scenarios_planner_keeps_to_its_speeds_and_accelerations():
     limits = {"max_vel_x": 0.5, "max_vel_theta": 0.8, "acc_lim_x": 0.8, "acc_lim_theta": 2.0}
-    motion = driven(with_parameters(**limits), name)
+    motion = driven(with_parameters(**limits))
     assert 0.4 < motion[:, 0].max() <= 0.5 + 1e-9
     assert np.abs(motion[:, 1]).max() <= 0.8 + 1e-9
     change = np.abs(np.diff(motion, axis=0)) / 0.05
     assert change[:, 0].max() == pytest.approx(0.8)
     assert change[:, 1].max() == pytest.approx(2.0)
-    assert driven(HALLWAY, name)[:, 0].max() > 0.8
+    assert driven(HALLWAY)[:, 0].max() > 0.8
 
 
 @pytest.mark.parametrize("scenario", ["hallway", "social_v1/queue"])
@@ -59,12 +57,8 @@ def test_giving_all_the_defaults_changes_nothing(scenario):
     assert complete.limited(scenario.robot) == scenario.robot.model_copy(update=braking)
     assert None not in complete.model_dump().values()
     seen = observation_at(3.0, 8.0)
-    for name in planner_names():
-        commands = {
-            make_planner(name, place).step(seen, AHEAD)
-            for place in (scenario, scenario.with_local_planner(complete))
-        }
-        assert len(commands) == 1
+    places = scenario, scenario.with_local_planner(complete)
+    assert len({make_planner(place).step(seen, AHEAD) for place in places}) == 1
 
 
 def test_every_parameter_has_an_effect_on_a_planner_or_the_recoveries():
@@ -83,13 +77,10 @@ def test_every_parameter_has_an_effect_on_a_planner_or_the_recoveries():
 def behaviour(parameters):
     """Commands on the way and near the waypoint; commands and status of a stuck, blocked robot."""
     scenario = HALLWAY.with_local_planner(parameters)
-    found = []
-    for name in planner_names():
-        planner = make_planner(name, scenario)
-        people = [(3.2, 9.2), (2.4, 9.8)]
-        for y_m, yaw_rad in ((8.0, 1.2), (8.0, -0.5), (10.5, 0.3), (11.88, 1.2)):
-            observation = observation_at(3.0, y_m, yaw_rad, speed_mps=0.3, people=people)
-            found += [planner.step(observation, AHEAD) for _ in range(2)]
+    planner, people, found = make_planner(scenario), [(3.2, 9.2), (2.4, 9.8)], []
+    for y_m, yaw_rad in ((8.0, 1.2), (8.0, -0.5), (10.5, 0.3), (11.88, 1.2)):
+        observation = observation_at(3.0, y_m, yaw_rad, speed_mps=0.3, people=people)
+        found.append(planner.step(observation, AHEAD))
     stuck = RecoveringPlanner(PushingPlanner(is_blocked=True), scenario)
     for tick in range(500):
         x_m = 3.6 if tick < 150 and tick // 25 % 2 else 3.0  # 0.6 m to and fro, then at rest
@@ -109,24 +100,12 @@ def test_recovery_and_costs_know_how_wide_the_people_of_the_scenario_are(monkeyp
         backs_off.append(min(stuck.step(seen, AHEAD).linear_mps for seen in steps) < 0.0)
     assert backs_off == [True, False]
     in_the_way = observation_at(3.0, 8.0, people=[(3.75, 8.0)])
-    for name in planner_names():
-        commands = [make_planner(name, each).step(in_the_way, AHEAD) for each in (HALLWAY, wide)]
-        assert commands[0] != commands[1]
-
-
-def test_the_path_integral_planner_keeps_its_plan_by_the_control_period_of_the_scenario():
-    """Twice the period, twice as far along the plan."""
-    plans = []
-    for period_s in (0.05, 0.1):
-        planner = make_planner("mppi", HALLWAY.model_copy(update={"control_period_s": period_s}))
-        planner.step(observation_at(3.0, 8.0), AHEAD)
-        plans.append(planner.planner.plan)
-    assert [np.allclose(plan[:, -1], 0.0) for plan in plans] == [False, True]
-    assert not np.allclose(*plans)
+    commands = [make_planner(each).step(in_the_way, AHEAD) for each in (HALLWAY, wide)]
+    assert commands[0] != commands[1]
 
 
 def test_a_robot_at_rest_within_a_wide_tolerance_is_not_stuck():
-    planner = make_planner("dwa", with_parameters(xy_goal_tolerance=0.6))
+    planner = make_planner(with_parameters(xy_goal_tolerance=0.6))
     for time_s in range(30):
         seen = observation_at(3.0, 8.0, time_s=time_s)
         assert planner.step(seen, Waypoint(3.0, 8.5)) == STOP
@@ -134,18 +113,17 @@ def test_a_robot_at_rest_within_a_wide_tolerance_is_not_stuck():
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters", "sentence"),
+    ("parameters", "sentence"),
     [
-        (None, {"max_vel": 1.0}, r"local_planner\.max_vel is not a known key; .* 'max_vel_x'"),
-        (None, {"max_vel_x": 2.0}, r"local_planner\.max_vel_x must be at most .*max_vel_x_mps \(1"),
-        (None, {"min_vel_x": -0.5}, r"must be at least robot\.min_vel_x_mps \(-0\.3\), got -0"),
-        (None, {"vx_samples": 1}, r"vx_samples must be greater than or equal to 3, got 1"),
-        (None, {"controller_frequency": 10.0}, r"\(20 Hz\), got 10; .* control_period_s to 0\.1"),
-        ("dwa", {"sim_time": 0.5}, r"sim_time must be at least 0\.78 s, in which .* got 0\.5 s"),
-        ("mppi", {"time_steps": 5}, r"time_steps times model_dt must be at least 0\.78 s"),
-        ("dwa", {"acc_lim_x": 0.5}, r"at least 2\.7 s, .* \(1\.2 m/s at 0\.5 m/s2\), got 1\.4 s; "),
+        ({"max_vel": 1.0}, r"local_planner\.max_vel is not a known key; .* 'max_vel_x'"),
+        ({"max_vel_x": 2.0}, r"local_planner\.max_vel_x must be at most .*max_vel_x_mps \(1"),
+        ({"min_vel_x": -0.5}, r"must be at least robot\.min_vel_x_mps \(-0\.3\), got -0"),
+        ({"vx_samples": 1}, r"vx_samples must be greater than or equal to 3, got 1"),
+        ({"controller_frequency": 10.0}, r"\(20 Hz\), got 10; .* control_period_s to 0\.1"),
+        ({"sim_time": 0.5}, r"sim_time must be at least 0\.78 s, in which .* got 0\.5 s"),
+        ({"acc_lim_x": 0.5}, r"at least 2\.7 s, .* \(1\.2 m/s at 0\.5 m/s2\), got 1\.4 s; "),
     ],
 )
-def test_a_parameter_that_cannot_be_is_refused_by_name(name, parameters, sentence):
+def test_a_parameter_that_cannot_be_is_refused_by_name(parameters, sentence):
     with pytest.raises(USER_ERRORS, match=sentence):
-        make_planner(name, HALLWAY.with_values("local_planner", **parameters))
+        make_planner(HALLWAY.with_values("local_planner", **parameters))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.robot.people_bodies import PERSON_MASS_KG
+from serd_sim.robot.bullet import PERSON_MASS_KG
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import standing_at
 from serd_sim.world.command import STOP, Command

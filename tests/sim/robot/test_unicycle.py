@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_sim.robot.unicycle import chord_velocity, limited_velocity
 from serd_sim.scenario.settings import RobotSettings
-from serd_sim.world.command import STOP, Command
+from serd_sim.world.command import STOP, Command, chord_velocity, limited_velocity
 
 ROBOT = RobotSettings()
 

@@ -8,13 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_sim.robot.unicycle import limited_velocity
 from serd_sim.safety.collision_monitor import CollisionMonitor, Obstacles
 from serd_sim.safety.guard import in_frame
 from serd_sim.safety.reasons import Fault, GuardAction, Reason, Source
 from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.settings import RobotSettings
-from serd_sim.world.command import Command
+from serd_sim.world.command import Command, limited_velocity
 
 ROBOT, STEP_S = RobotSettings(), 0.05
 SETTINGS = GuardSettings(decel_lim_x=ROBOT.decel_lim_x_mps2)

@@ -4,8 +4,7 @@ import pytest
 
 from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.errors import SimError
-from serd_sim.scenario.goal import goal_at, goal_cell, point_of, with_goal
-from serd_sim.scenario.grid import goal_states_of, grid_of
+from serd_sim.scenario.grid import goal_at, goal_cell, goal_states_of, grid_of, point_of, with_goal
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
 

@@ -4,8 +4,7 @@ import pytest
 
 from serd_core.grid.grid import Action
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.directive import FollowedDirective
-from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.waypoint import FollowedDirective, Waypoint
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from serd_sim.errors import SimError
-from serd_sim.robot.bullet import pybullet
-from serd_sim.robot.people_bodies import near_people
+from serd_sim.robot.bullet import near_people, pybullet
 from serd_sim.robot.robot import standing_at
 from serd_sim.world.command import Command
 from serd_sim.world.world import HallwayWorld

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action, Grid
-from serd_sim.drivers.expert import MOVES
+from serd_sim.drivers.catalogue import MOVES
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
