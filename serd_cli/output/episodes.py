@@ -42,17 +42,15 @@ def summary_table(summaries: Sequence[ConditionSummary]) -> Table:
 
 def metrics_table(summaries: Sequence[ConditionSummary]) -> Table:
     """One row per condition: the way, nearness to people and smoothness."""
-    names = ("SPL", "stands", "personal zone", "collision < 1 s", "people", "jerk", "turns")
+    names = ("stands", "personal zone", "collision < 1 s", "jerk", "turns")
     table = table_of("Means over the episodes", "condition", names)
     for each in summaries:
         metrics = each.metrics
         table.add_row(
             _condition(each),
-            f"{each.spl:.2f}",
             f"{100 * metrics.standing_share:.0f} %",
             f"{100 * metrics.personal_share:.0f} %",
             f"{100 * metrics.collision_ahead_share:.1f} %",
-            f"{metrics.people_disturbance_mps2:.2f} m/s²",
             f"{metrics.mean_abs_jerk_mps3:.1f} m/s³",
             f"{metrics.path_irregularity_radpm:.2f} rad/m",
         )

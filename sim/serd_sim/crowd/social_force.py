@@ -83,7 +83,7 @@ def _lengths(dx_m: FloatArray, dy_m: FloatArray) -> FloatArray:
 
 
 Force = tuple[FloatArray, FloatArray]
-_COINCIDENT_M = 1e-3
+_APART_M = 1e-3
 _STANDING_M2PS2 = 1e-9
 
 
@@ -244,7 +244,7 @@ class CollisionPrediction(SocialForceModel):
         time_s = -(pairs.dx_m * closing_x + pairs.dy_m * closing_y) / squared
         np.minimum(np.maximum(time_s, 0.0, out=time_s), self.foresight_s, out=time_s)
         away_x, away_y = pairs.dx_m + time_s * closing_x, pairs.dy_m + time_s * closing_y
-        distance = np.maximum(np.sqrt(away_x**2 + away_y**2), _COINCIDENT_M)
+        distance = np.maximum(np.sqrt(away_x**2 + away_y**2), _APART_M)
         reach_m = self._reach_m(self.radius_m, n_people, bodies, self.robot_clearance_m)
         push = np.exp(np.minimum((reach_m - distance) / self.decay_m, 3.0))
         push *= self.strength_mps2

@@ -28,7 +28,6 @@ from serd_sim.robot.contacts import ContactCounts
 from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import Scenario, load_scenario, scenario_content
-from serd_sim.scenario.shortest_way import shortest_way_m
 from serd_sim.world.world import HallwayWorld
 
 Progress = Callable[[int, int], None]
@@ -69,8 +68,6 @@ COLUMNS = (
     Column("time_of_arrival_s", float, nullable=True),
     Column("duration_s", float),
     Column("distance_m", float),
-    Column("shortest_way_m", float),
-    Column("spl", float),
     Column("n_decisions", int),
     Column("minimum_person_distance_m", float),
     *columns_of(ContactCounts),
@@ -84,10 +81,7 @@ _OF_RECORD = (
 
 
 def run_task(task: EpisodeTask) -> Row:
-    """Run one episode; its row.
-
-    spl: success weighted by path length (Anderson et al., 2018), of this episode.
-    """
+    """Run one episode; its row."""
     scenario = scenario_of(task.scenario, task.n_people)
     observer = MetricsObserver(scenario)
     with HallwayWorld(scenario, seed=task.seed) as world:
@@ -101,14 +95,10 @@ def run_task(task: EpisodeTask) -> Row:
             observer=observer.see,
             guard=None if task.guarded else no_guard,
         )
-    shortest_m = shortest_way_m(scenario, *observer.start_m)
-    longer = max(record.distance_m, shortest_m)
     return {
         **{name: getattr(task, name) for name in TASK_COLUMNS},
         INPUTS: inputs_digest(task.scenario, task.driver),
         **{name: getattr(record, name) for name in _OF_RECORD},
-        "shortest_way_m": shortest_m,
-        "spl": shortest_m / longer if record.outcome == "arrived" else 0.0,
         "n_decisions": len(record.decisions),
         **asdict(record.contacts),
         "planner_status": planner.status.name,
@@ -209,16 +199,10 @@ class ConditionSummary:
     mean_time_of_arrival_s: float
     mean_distance_m: float
     minimum_person_distance_m: float
-    spl: float
     robot_on_person: float
     person_on_robot: float
     robot_on_wall: float
     metrics: EpisodeMetrics
-
-    @property
-    def arrival_rate(self) -> float:
-        """Share of the episodes that arrived."""
-        return self.n_arrived / self.n_episodes
 
 
 def summarise(rows: Sequence[Row]) -> list[ConditionSummary]:
@@ -235,7 +219,7 @@ def _summary(group: list[Row]) -> ConditionSummary:
     low, high = (float(end) for end in clopper_pearson(len(arrived), len(group)))
     return ConditionSummary(
         **{name: first[name] for name in _CONDITION},
-        **_means(group, ("spl", *_names_of(ContactCounts))),
+        **_means(group, _names_of(ContactCounts)),
         metrics=EpisodeMetrics(**_means(group, _names_of(EpisodeMetrics))),
         n_episodes=len(group),
         n_arrived=len(arrived),

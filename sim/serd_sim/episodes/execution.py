@@ -28,11 +28,6 @@ class Execution:
         if self.n_jobs == 0 or self.n_jobs < -1:
             raise SimError(f"jobs must be at least 1, or -1 for all cores, got {self.n_jobs}")
 
-    @property
-    def n_processes(self) -> int:
-        """How many processes that is on this machine."""
-        return (os.cpu_count() or 1) if self.n_jobs < 0 else self.n_jobs
-
     def results(
         self, function: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Generator[Result, None, None]:

@@ -246,7 +246,7 @@ class PhysicalRobot:
             client.changeDynamics(
                 body,
                 link,
-                lateralFriction=drive.friction.get(name, friction),
+                lateralFriction=friction,
                 restitution=0.0,
                 **(frame if name in drive.massless else {}),
             )

@@ -15,9 +15,7 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 
 Point = tuple[float, float]
 _SMALLEST_AREA_M2 = 1e-9
-_BOX_MARGIN_M = 1e-3
-#: Points times edges that are computed at once.
-_LARGEST_BLOCK = 1_000_000
+_MARGIN_M = 1e-3
 #: Points of a tile, for all of which the walls are sorted out together that may be the nearest.
 _POINTS_OF_A_TILE = 200
 #: Least distance of a walkable cell's centre to the walls by default, as a share of its side: a
@@ -54,24 +52,11 @@ def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
 
 
 def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
-    """(N,) whether each of the (N, 2) points lies inside the polygon (even-odd rule)."""
-    points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-    edges = edges_of(polygon_m)
-    start, end = np.moveaxis(edges, 1, 0)
-    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-    (west, south), (east, north) = start.min(axis=0), start.max(axis=0)
-    x, y = points.T
-    near = (x >= west - _BOX_MARGIN_M) & (x <= east + _BOX_MARGIN_M)
-    near &= (y >= south - _BOX_MARGIN_M) & (y <= north + _BOX_MARGIN_M)
-    inside = np.zeros(len(points), dtype=np.bool_)
-    rows = np.flatnonzero(near)
-    n_blocks = 1 + len(rows) * len(edges) // _LARGEST_BLOCK
-    for part in np.array_split(rows, n_blocks):
-        x, y = points[part, 0, None], points[part, 1, None]
-        straddles = (start[:, 1] > y) != (end[:, 1] > y)
-        crossing_x = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
-        inside[part] = np.sum(straddles & (x < crossing_x), axis=1) % 2 == 1
-    return inside
+    """(N,) whether each of the (N, 2) points lies inside the polygon."""
+    polygon = shapely.Polygon(np.asarray(polygon_m, dtype=np.float64))
+    shapely.prepare(polygon)
+    x_m, y_m = np.asarray(points_m, dtype=np.float64).reshape(-1, 2).T
+    return np.asarray(shapely.contains_xy(polygon, x_m, y_m), dtype=np.bool_)
 
 
 def contains_point(polygon_m: Sequence[tuple[float, float]], x_m: float, y_m: float) -> bool:
@@ -156,7 +141,7 @@ def _tiles(points_m: FloatArray) -> list[IntArray]:
     low, high = points_m.min(axis=0), points_m.max(axis=0)
     n_tiles = 1 + len(points_m) // _POINTS_OF_A_TILE
     side_m = max(float(np.sqrt(np.prod(high - low) / n_tiles)), float((high - low).max()) / n_tiles)
-    columns, rows = np.floor((points_m - low) / max(side_m, _BOX_MARGIN_M)).astype(np.int64).T
+    columns, rows = np.floor((points_m - low) / max(side_m, _MARGIN_M)).astype(np.int64).T
     tile = rows * (columns.max() + 1) + columns
     order = np.argsort(tile, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
@@ -166,7 +151,7 @@ def _may_be_nearest(points_m: FloatArray, walls_m: FloatArray) -> BoolArray:
     """(W,) whether a wall may be the nearest one of a point, by their distances to the middle."""
     low, high = points_m.min(axis=0), points_m.max(axis=0)
     away_m = distance_to_segments_m((low + high) / 2, walls_m)[0]
-    reach_m = float(np.linalg.norm(high - low)) + _BOX_MARGIN_M  # twice that of the farthest point
+    reach_m = float(np.linalg.norm(high - low)) + _MARGIN_M  # twice that of the farthest point
     return np.asarray(away_m <= away_m.min() + reach_m)
 
 

@@ -66,14 +66,6 @@ def test_turning_is_per_metre_of_way_and_over_the_border_of_angles():
     assert metrics.path_irregularity_radpm == pytest.approx(0.4 / 2.0)
 
 
-def test_people_near_the_robot_are_disturbed_by_what_their_speed_changes_more():
-    places = [(2.0, 6.0), (2.0, 20.0)]
-    first = ((2.0, 5.0, 0.0), 0.0, places, [(0.0, -1.0), (0.0, 1.3)])
-    second = ((2.0, 5.0, 0.0), 0.0, places, [(0.0, -0.9), (0.0, 1.31)])
-    metrics = metrics_of(first, second)
-    assert metrics.people_disturbance_mps2 == pytest.approx((0.1 - 0.01) / 0.05)
-
-
 def test_commands_give_the_mean_change_per_second():
     commands = [Command(0.0, 0.0), Command(0.1, 1.0), Command(0.1, 0.5)]
     metrics = metrics_of(*[((2.0, 5.0, 0.0), 0.0)] * 3, commands=commands)

@@ -5,11 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.planning.local_planner import (
-    PlannerStatus,
-    RecoveringPlanner,
-    behaviours_of,
-)
+from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner, behaviours_of
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import load_scenario

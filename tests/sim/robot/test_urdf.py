@@ -75,8 +75,6 @@ WHEEL = '<link name="left_wheel">'
         ('name="left_wheel_joint" type="continuous"', 'name="left_wheel_joint" type="fixed"',
          "must be continuous, got fixed"),
         ('<sphere radius="0.08"/>', '<sphere radius="${r}"/>', r"number above 0, got '\$\{r\}'"),
-        (WHEEL, WHEEL + '<contact><lateral_friction value="-1"/></contact>',
-         "lateral_friction of link 'left_wheel' must be a number from 0 on, got '-1'"),
         ('<collision><geometry><sphere radius="0.08"/></geometry></collision>', "",
          "'left_wheel' must have <collision>, got none"),
         ('version="1.0"', 'version="1.0" encoding="none"', "is not: unknown encoding: none"),

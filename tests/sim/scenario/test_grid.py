@@ -3,11 +3,7 @@
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_sim.scenario.grid import (
-    flow_of,
-    grid_of,
-    wall_distance_of,
-)
+from serd_sim.scenario.grid import flow_of, grid_of, wall_distance_of
 from serd_sim.scenario.scenario import load_scenario
 
 HALLWAY = load_scenario("hallway")
