@@ -9,63 +9,17 @@ import pytest
 from serd_core.grid.grid import Action
 from serd_sim.drivers.catalogue import ScriptedExpert, make_driver
 from serd_sim.drivers.policy_driver import PolicyDriver
-from serd_sim.episodes.episode import run_episode
+from serd_sim.episodes.episode import EpisodeProgress, run_episode
 from serd_sim.errors import SimError
 from serd_sim.planning.local_planner import make_planner
-from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.grid import goal_at, goal_cell, goal_states_of, grid_of, point_of, with_goal
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import Obstacle
-from serd_sim.world.epochs import LEAST_DWELL_S
 from serd_sim.world.world import HallwayWorld
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
-
-
-@pytest.fixture(scope="module")
-def demonstrations():
-    with HallwayWorld(HALLWAY, seed=1) as world:
-        planner, expert = make_planner(HALLWAY), ScriptedExpert(HALLWAY, 1)
-        return world.grid, [
-            run_episode(world, planner, expert, episode=episode) for episode in range(3)
-        ]
-
-
-def test_the_expert_arrives_touches_nobody_and_seldom_stands(demonstrations):
-    grid, records = demonstrations
-    decisions = [record.decisions for record in records]
-    for record in records:
-        assert record.outcome == "arrived"
-        assert record.time_of_arrival_s < 60.0
-        assert grid.centers_m[record.decisions.next_state[-1]][0] > 11
-        assert (record.contacts.robot_on_wall, record.contacts.robot_on_person) == (0, 0)
-    action, state, to, dwell_s = (
-        np.concatenate([getattr(each, name) for each in decisions])
-        for name in ("action", "state", "next_state", "dwell_s")
-    )
-    move = action != Action.WAIT
-    assert (grid.neighbours[state, action] == to)[move].mean() > 0.9
-    assert 0 < dwell_s[~move].sum() / dwell_s.sum() < 0.2
-
-
-def test_decisions_follow_each_other_and_last_at_most_the_patience(demonstrations):
-    """A wait has its own length; it begins between two observations and ends at one."""
-    grid, records = demonstrations
-    for record in records:
-        decisions = record.decisions
-        ended_s = decisions.time_s + decisions.dwell_s
-        np.testing.assert_allclose(decisions.time_s[1:], ended_s[:-1], atol=LEAST_DWELL_S)
-        assert np.array_equal(decisions.state[1:], decisions.next_state[:-1])
-        near = grid.neighbours[decisions.state] == decisions.next_state[:, None]
-        assert near.any(axis=1).all()
-        assert not decisions.censored.any()
-        waits = decisions.action == Action.WAIT
-        longest_s = np.where(waits, HALLWAY.wait_s, HALLWAY.patience_s)
-        assert np.all(decisions.dwell_s <= longest_s + HALLWAY.control_period_s)
-        late_s = (
-            decisions.dwell_s[waits & (decisions.state == decisions.next_state)] - HALLWAY.wait_s
-        )
-        assert np.all((late_s > -1e-6) & (late_s < HALLWAY.control_period_s))
 
 
 def drive(scenario, driver, *, seed=11, **options):
@@ -154,3 +108,44 @@ def test_the_expert_arrives_in_every_built_in_scenario(name, start_area):
     record = drive(scenario, ScriptedExpert(scenario, 5), seed=5, start_area=start_area)
     assert record.outcome == "arrived"
     assert record.contacts.robot_on_wall == 0
+
+
+GRID = grid_of(HALLWAY)
+
+
+def test_every_cell_can_be_the_goal_and_is_then_the_only_goal_state():
+    for state, (x_m, y_m) in enumerate(GRID.centers_m):
+        moved = goal_at(HALLWAY, x_m, y_m)
+        assert goal_states_of(moved, GRID).tolist() == [state]
+        assert HALLWAY.goal_area_m != moved.goal_area_m
+
+
+@pytest.mark.parametrize(
+    ("point", "sentence"),
+    [
+        ((9.0, 3.0), r"walkable cell, got \(9, 3\) m; the nearest one is at \(5.5, 2.5\)"),
+        ((-0.1, 3.0), r"walkable cell, got \(-0.1, 3\) m; the nearest one is at \(0.5, "),
+        ((float("nan"), 3.0), r"two finite numbers \(m\), got \(nan, 3.0\); set a point"),
+    ],
+)
+def test_a_goal_that_is_no_place_to_go_is_refused_with_the_nearest_one(point, sentence):
+    with pytest.raises(SimError, match=sentence):
+        goal_cell(GRID, *point)
+
+
+def test_a_goal_in_words_is_two_numbers_and_nothing_keeps_the_scenarios_own():
+    assert point_of(" 3.5,20.5 ") == (3.5, 20.5)
+    assert with_goal(HALLWAY, "") is HALLWAY
+    assert with_goal(HALLWAY, "3.4, 20.9") == goal_at(HALLWAY, 3.5, 20.5)
+    for text in ("3.5", "north", "1,2,3"):
+        with pytest.raises(SimError, match="goal must be two numbers 'x, y'"):
+            point_of(text)
+
+
+def test_an_episode_ends_in_the_goal_that_is_moved_while_the_robot_drives():
+    progress = EpisodeProgress(goal_at(HALLWAY, 0.5, 5.5), observation_at(0.5, 1.0), 60.0)
+    assert progress.see(observation_at(0.5, 4.5, tick=1)) is None
+    progress.goal_area_m = goal_at(HALLWAY, 0.5, 7.5).goal_area_m
+    assert progress.see(observation_at(0.5, 5.5, tick=2)) is None
+    assert progress.see(observation_at(0.5, 7.5, tick=3)) == "arrived"
+    assert (progress.distance_m, progress.duration_s) == (6.5, pytest.approx(0.15))
