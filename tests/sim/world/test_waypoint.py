@@ -13,7 +13,7 @@ from serd_sim.drivers.catalogue import MOVES
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.command import STOP, Command, CommandGuard
+from serd_sim.world.command import STOP, Command, CommandGuard, chord_velocity
 from serd_sim.world.waypoint import FollowedDirective, Waypoint, action_towards, waypoint_of_intent
 from support.observations import observation_at
 
