@@ -34,6 +34,17 @@ _MPPI = {
     "wz_std": 6.0,
 }
 
+_FIXED = "it is fixed now (docs/safety.md); leave it out"
+_OF_GUARD = (
+    "clock_jump",
+    "vanished_hold",
+    "frozen_messages",
+    "unseen_people",
+    "people_look",
+    "consistency_window",
+    "second_look",
+)
+
 _EVENTS = (
     "a decision ends where the robot enters another cell, or after patience_s (docs/scenarios.md)"
 )
@@ -79,6 +90,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
     ("parameter", "planner"): _ONE_PLANNER,
+    **{("parameter", name): _FIXED for name in _OF_GUARD},
     ("parameter", "gui"): "serd watch shows a running stack; leave it out",
     ("parameter", "composed"): f"{_PROCESSES}; leave it out",
     ("parameter", "robots"): _ROBOTS,
@@ -97,6 +109,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",
     ("key", "imu"): "no node read it, and it has left; delete the key",
     **{("key", name): _ONE_PLANNER for name in _MPPI},
+    ("key", "flow_convention"): "people walk a loop in the order of its waypoints; delete the key",
     ("key", "planner"): _ONE_PLANNER,
     ("key", "mass_kg"): _WALL,
     ("key", "hinge_m"): _WALL,
@@ -114,6 +127,7 @@ _WITHOUT_EFFECT: dict[str, Callable[[Any], bool]] = {
     "imu": lambda value: value == _IMU,
     "mass_kg": lambda value: value is None,
     "hinge_m": lambda value: value is None,
+    "flow_convention": partial(eq, "right_hand"),
     **{name: partial(eq, default) for name, default in _MPPI.items()},
 }
 

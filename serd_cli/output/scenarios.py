@@ -88,7 +88,6 @@ def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
         "cells": grid_of(scenario).n_states,
         "people": scenario.pedestrians.count,
         "loops": [loop.name for loop in scenario.pedestrians.loops],
-        "flow_convention": scenario.flow_convention,
         "start_areas": list(scenario.start_areas_m),
         "patience_s": scenario.patience_s,
         "wait_s": scenario.wait_s,

@@ -43,7 +43,7 @@ def grid_of(scenario: Scenario) -> Grid:
 
 def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
     """(S,) direction people walk in each cell as an `Action`, -1 for none."""
-    loops = scenario.directed_loops if scenario.pedestrians.count else ()
+    loops = scenario.pedestrians.loops if scenario.pedestrians.count else ()
     vectors = flow_vectors(loops, grid.centers_m, grid.cell_size_m)
     direction = np.argmax(vectors @ DIRECTION_VECTORS[1:].T, axis=1) + int(Action.NORTH)
     strong = np.linalg.norm(vectors, axis=1) > _WEAKEST_FLOW

@@ -1,13 +1,11 @@
 """A scenario: the place, its walkers, the robot and its task, as one YAML file (metres, seconds).
 
-The walkable area is one simple polygon; its edges and those of the obstacles are the walls. Loops
-are written as right-hand traffic walks them; `flow_convention: left_hand` walks them backwards.
+The walkable area is one simple polygon; its edges and those of the obstacles are the walls.
 """
 
 import hashlib
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from pydantic import ValidationError, model_validator
@@ -29,7 +27,6 @@ from serd_sim.scenario.polygon import (
 )
 from serd_sim.scenario.settings import (
     LidarSettings,
-    Loop,
     Obstacle,
     OdometrySettings,
     Outline,
@@ -88,9 +85,6 @@ class Scenario(StrictModel):
         "polygons by name, one of them `train`; choose another with `--start-area` or"
         " `start_area:=`",
         unit="m",
-    )
-    flow_convention: Literal["right_hand", "left_hand"] = setting(
-        "right_hand", "left_hand: people walk all loops backward"
     )
     pedestrians: PedestrianSettings = PedestrianSettings()
     robot: RobotSettings = RobotSettings()
@@ -158,16 +152,6 @@ class Scenario(StrictModel):
         corners = np.array(self.walkable_area_m)
         low, high = corners.min(axis=0), corners.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-    @property
-    def directed_loops(self) -> tuple[Loop, ...]:
-        """The loops in the order of walking under this scenario's flow convention."""
-        if self.flow_convention == "right_hand":
-            return self.pedestrians.loops
-        return tuple(
-            loop.model_copy(update={"waypoints_m": loop.waypoints_m[::-1]})
-            for loop in self.pedestrians.loops
-        )
 
     def with_pedestrian_count(self, count: int) -> "Scenario":
         """The same scenario with another number of people."""

@@ -174,13 +174,12 @@ class Obstacle(StrictModel):
 
 
 class Loop(StrictModel):
-    """A closed line that people walk around, listed as right-hand traffic walks it."""
+    """A closed line that people walk around, in the order of its waypoints."""
 
     name: str = setting(..., "name in the legend of the plan")
     waypoints_m: Polygon = setting(
         ...,
-        "three corners or more, in the order of right-hand traffic; no hairpins: turn round with"
-        " two corners",
+        "three corners or more, in the order of walking; no hairpins: turn round with two corners",
         unit="m",
     )
     lane_half_width_m: float = setting(

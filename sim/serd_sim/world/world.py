@@ -75,7 +75,7 @@ class HallwayWorld:
         start = standing_at(self._draw_start(self._rng(START), start_area))
         self._robot.place(start)
         self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
-        loops, walls_m = self.scenario.directed_loops, self.scenario.wall_segments_m
+        loops, walls_m = self.scenario.pedestrians.loops, self.scenario.wall_segments_m
         self._crowd = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
         self._contacts = ContactCounter(len(self._crowd))
         for _ in range(round(self.scenario.pedestrians.warm_up_s / self.scenario.control_period_s)):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.crowd.crowd import Crowd, people_per_loop, start_crowd
+from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.robots import RobotBody, headings_around
 from serd_sim.crowd.routes import Routes
 from serd_sim.crowd.social_force import WallGeometry, model_named, model_names
@@ -231,13 +231,6 @@ def test_people_walk_on_the_right_of_the_hallway():
     assert np.mean(on_their_side) > 0.97
 
 
-def test_people_are_shared_out_to_loops_by_largest_remainder():
-    loops = HALLWAY.pedestrians.loops
-    assert people_per_loop(loops, 24) == [12, 6, 6]
-    assert people_per_loop(loops, 0) == [0, 0, 0]
-    assert sum(people_per_loop(loops, 17)) == 17
-
-
 def test_wanted_speeds_lie_within_two_deviations_of_the_mean():
     speed = hallway_crowd(400, 8).desired_speed_mps
     settings = HALLWAY.pedestrians
@@ -249,7 +242,7 @@ def test_wanted_speeds_lie_within_two_deviations_of_the_mean():
 def test_people_who_stand_are_pushed_aside_and_return():
     group = load_scenario("social_v1/group")
     places, rng = np.array(group.pedestrians.standing_m), np.random.default_rng(1)
-    crowd = start_crowd(group.pedestrians, group.directed_loops, group.wall_segments_m, rng)
+    crowd = start_crowd(group.pedestrians, group.pedestrians.loops, group.wall_segments_m, rng)
 
     def away_m(n_steps):
         for _ in range(n_steps):

@@ -18,7 +18,7 @@ from serd_sim.drivers.catalogue import (
     move_costs,
 )
 from serd_sim.drivers.policy_driver import PolicyDriver, model_driver
-from serd_sim.drivers.strategy import learned_dynamics, model_in_flow, problem_of_model
+from serd_sim.drivers.strategy import learned_dynamics, problem_of_model
 from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.observations import observation_at
@@ -224,13 +224,6 @@ def test_the_norm_of_a_model_learned_without_flow_is_that_of_waiting_and_counts_
     problem, model = planned(path, transferred=transferred)
     assert model.feature_names == problem.feature_names == WITHOUT_NORM
     assert (problem.flow == (FLOW if transferred else NO_FLOW)).all()
-
-
-def test_a_flow_of_the_model_s_own_keeps_the_norm_also_where_the_scenario_has_none(save_model_of):
-    path = save_model_of(flow=flow_picture(GRID, FLOW))
-    problem, _ = planned(path, HALLWAY.with_pedestrian_count(0))
-    assert "social_norm" in problem.feature_names
-    assert model_in_flow(load_model(path), NO_FLOW).feature_names == WITHOUT_NORM
 
 
 def test_a_model_of_the_norm_alone_is_refused_where_there_is_none(save_model_of):

@@ -195,15 +195,6 @@ def test_a_scan_that_stays_the_same_while_the_robot_moves_is_a_fault(people):
     assert answers[-1] is Fault.FROZEN
 
 
-def test_late_scans_and_those_before_the_first_pose_are_left_out(people):
-    people.take_scan(scan_of(STANDING, WALKER, time_s=0.9))
-    assert seen_at(people, 1.0) is Fault.MISSING
-    people.take_scan(scan_of(STANDING, WALKER, time_s=1.05))
-    people.take_scan(scan_of(STANDING, (4.5, 9.0), time_s=1.02))
-    found = seen_at(people, 1.1)
-    assert found.position_m == pytest.approx(np.array([WALKER]), abs=0.06)
-
-
 def test_after_a_reset_a_scan_that_waits_is_taken_and_tracks_begin_at_0(people):
     seen_at(people, 1000.0)
     people.take_scan(scan_of(STANDING, WALKER, time_s=1000.0))

@@ -19,7 +19,6 @@ from serd_sim.planning.local_planner import make_planner
 from serd_sim.planning.rollout_costs import (
     CostSettings,
     RolloutCosts,
-    distance_to_nearest,
     predict_nearby,
 )
 from serd_sim.scenario.scenario import load_scenario
@@ -260,22 +259,3 @@ def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_veloci
     assert now(people) == [[2.0, 2.0], [2.0, 3.0], [2.0, 4.0]]
     np.testing.assert_array_equal(people.x_m, [[2.0] * 3, [2.0] * 3, [2.5, 3.0, 4.0]])
     np.testing.assert_array_equal(people.y_m, [[2.0] * 3, [3.0] * 3, [4.0] * 3])
-
-
-@pytest.mark.parametrize(("n_people", "n_times"), [(0, 1), (1, 4), (5, 1), (5, 4)])
-def test_many_rollouts_have_the_distances_of_each_alone(n_people, n_times):
-    rng = np.random.default_rng(4)
-    x_m, y_m = rng.normal(size=(2, 3, 2, 4))
-    people = rng.normal(size=(2, n_people, n_times))
-    away_m = distance_to_nearest(x_m, y_m, *people)
-    for index in np.ndindex(3, 2):
-        each_m = np.hypot(x_m[index] - people[0], y_m[index] - people[1])
-        np.testing.assert_allclose(away_m[index], each_m.min(axis=0, initial=np.inf), rtol=1e-12)
-        np.testing.assert_array_equal(
-            away_m[index], distance_to_nearest(x_m[index], y_m[index], *people)
-        )
-    standing_m = distance_to_nearest(x_m[0, 0, :1], y_m[0, 0, :1], *people)
-    np.testing.assert_allclose(
-        standing_m,
-        np.hypot(x_m[0, 0, 0] - people[0], y_m[0, 0, 0] - people[1]).min(axis=0, initial=np.inf),
-    )

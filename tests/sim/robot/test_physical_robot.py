@@ -63,16 +63,6 @@ def test_the_step_response_is_a_ramp_at_the_acceleration_of_the_limit_or_of_the_
     assert np.diff(speeds[1])[2:9] / STEP_S == pytest.approx(np.full(7, expected), rel=0.02)
 
 
-def test_the_stopping_distance_is_that_of_the_largest_deceleration():
-    """v^2 / 2 a with 4 m/s^2, which the floor allows."""
-    with HallwayWorld(physical(decel_lim_x_mps2=4.0), seed=1) as world:
-        started(world, 2.0, 4.0, math.pi / 2)
-        from_m = driven(world, Command(1.0, 0.0), 30)[-1]
-        to_m = driven(world, STOP, 20)[-1]
-    assert math.dist(from_m[:2], to_m[:2]) == pytest.approx(1.0 / 8.0, rel=0.1)
-    assert to_m[3] == pytest.approx(0.0, abs=1e-3)
-
-
 def test_friction_limits_the_deceleration():
     """Braking shifts weight from the wheels, 9 mm ahead of the centre of mass, to the caster.
 

@@ -81,23 +81,6 @@ def test_it_intervenes_only_where_braking_one_period_later_would_be_too_late(dis
         assert done == (command, GuardAction.DO_NOTHING, ())
 
 
-def test_a_wall_ahead_slows_down_and_then_stops():
-    monitor, robot = CollisionMonitor(SETTINGS), Robot()
-    world_m, actions = wall_ahead(1.5), []
-    for _ in range(100):
-        seen = obstacles(in_frame(world_m, robot.pose))
-        command, action, reasons = monitor.step(FORWARD, robot.speeds, seen)
-        actions.append(action)
-        if action:
-            assert reasons == (Reason(Source.SCAN, Fault.COLLISION),)
-        robot.drive(command)
-    assert actions[0] is GuardAction.DO_NOTHING
-    assert GuardAction.APPROACH in actions
-    assert actions[-1] is GuardAction.STOP
-    gap_m = 1.5 - robot.pose[0] - ROBOT.radius_m
-    assert 0.0 < gap_m < 0.06
-
-
 @pytest.mark.parametrize("gap_m", [-0.05, 0.0, 0.01])
 def test_a_robot_that_touches_something_may_turn_and_drive_away_but_not_into_it(gap_m):
     seen = obstacles(wall_ahead(0.25 + gap_m), people=[(0.5 + gap_m, 0.0)])

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from serd_sim.safety.reasons import GuardAction
-from serd_sim.safety.scan import Scan, ScanGeometry, shown_by
-from serd_sim.safety.zero_ranges import ZeroRanges
+from serd_sim.safety.scan import Scan, ScanGeometry, ZeroRanges, shown_by
 from serd_sim.world.command import Command
 from support.corridor import AHEAD, RADIUS_M, Corridor
 
