@@ -109,6 +109,10 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("key", "types"): f"{_TYPES}; learn again, or delete the key",
     ("key", "imu"): "no node read it, and it has left; delete the key",
     **{("key", name): _ONE_PLANNER for name in _MPPI},
+    (
+        "key",
+        "wheel_separation_m",
+    ): "it is that of the URDF; delete the key",
     ("key", "flow_convention"): "people walk a loop in the order of its waypoints; delete the key",
     ("key", "planner"): _ONE_PLANNER,
     ("key", "mass_kg"): _WALL,
@@ -127,6 +131,7 @@ _WITHOUT_EFFECT: dict[str, Callable[[Any], bool]] = {
     "imu": lambda value: value == _IMU,
     "mass_kg": lambda value: value is None,
     "hinge_m": lambda value: value is None,
+    "wheel_separation_m": lambda value: value is None,
     "flow_convention": partial(eq, "right_hand"),
     **{name: partial(eq, default) for name, default in _MPPI.items()},
 }

@@ -1,18 +1,18 @@
 """An episode from above, drawn straight into pixels, and its frames as files: PNG and GIF.
 
 A frame is (height, width, 3) uint8, row 0 at the top. Discs are blended with a smooth edge one
-pixel wide. A file is written beside its place and moved there when it is whole.
+pixel wide.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from serd_bag.errors import disk_errors
+from serd_bag.files import atomic_write_bytes
 from serd_core.arrays import FloatArray
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
@@ -27,8 +27,9 @@ Frame = NDArray[np.uint8]
 
 def save_png(frame: Frame, path: str | Path) -> None:
     """Write one frame."""
-    with _whole(Path(path)) as part:
-        Image.fromarray(frame).save(part, format="PNG", optimize=True)
+    content = BytesIO()
+    Image.fromarray(frame).save(content, format="PNG", optimize=True)
+    atomic_write_bytes(path, content.getvalue())
 
 
 def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10.0) -> None:
@@ -42,29 +43,10 @@ def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10
         Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
         for frame in others
     )
-    with _whole(Path(path)) as part:
-        palette.save(
-            part,
-            format="GIF",
-            save_all=True,
-            append_images=images,
-            duration=round(1000.0 / frames_per_s),
-            loop=0,
-        )
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A path beside this one to write to; moved here at the end, removed after an error."""
-    part = path.with_name(f".part-{path.name}")
-    try:
-        with disk_errors("write", path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            yield part
-            part.replace(path)
-    finally:
-        with suppress(NotADirectoryError):
-            part.unlink(missing_ok=True)
+    content, period_ms = BytesIO(), round(1000.0 / frames_per_s)
+    options = {"append_images": images, "duration": period_ms, "loop": 0}
+    palette.save(content, format="GIF", save_all=True, **options)
+    atomic_write_bytes(path, content.getvalue())
 
 
 _HEIGHT_PX, _TEXT_PX, _MARGIN_PX = 22, 13, 6

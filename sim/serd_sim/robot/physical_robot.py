@@ -2,7 +2,7 @@
 
 The controller is that of a differential drive, (v, w) -> (v -+ w L / 2) / r, with limits of
 acceleration on the commanded velocity; odometry is its inverse on the wheels' angles. Both assume
-the radius r and the separation L, which may differ from those of the body.
+the radius r, which may differ from that of the body.
 
 A world is built anew for each start, because contacts carry hidden state from substep to substep,
 which only a new world is free of.
@@ -78,7 +78,7 @@ class PhysicalRobot:
         self._drive = settings.differential_drive()
         self._rolling_radius_m = settings.rolling_radius_m(self._drive)
         self._wheel_radius_m = settings.wheel_radius_m or self._rolling_radius_m
-        self._separation_m = settings.wheel_separation_m or self._drive.separation_m
+        self._separation_m = self._drive.separation_m
         self._torques_nm = (settings.wheel_torque_nm, settings.wheel_torque_nm)
         self._n_substeps = math.ceil(self._step_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = self._step_s / self._n_substeps

@@ -62,12 +62,6 @@ class RobotSettings(StrictModel):
         unit="m",
         gt=0,
     )
-    wheel_separation_m: float | None = setting(
-        None,
-        "distance of the wheels that controller and odometry assume; that of the URDF by default",
-        unit="m",
-        gt=0,
-    )
     wheel_torque_nm: float = setting(5.0, "largest torque of each motor", unit="N m", gt=0)
 
     @model_validator(mode="after")
@@ -130,11 +124,6 @@ class LidarSettings(StrictModel):
         """(n_rays,) directions of the rays, relative to the robot's heading."""
         rays = np.arange(self.n_rays, dtype=np.float64)
         return self.angle_min_rad + self.angle_increment_rad * rays
-
-    @property
-    def angle_max_rad(self) -> float:
-        """Direction of the last ray."""
-        return self.angle_min_rad + (self.n_rays - 1) * self.angle_increment_rad
 
 
 class OdometrySettings(StrictModel):
