@@ -221,16 +221,6 @@ def test_a_push_is_at_most_a_tenth_of_a_metre_and_never_carries_through_a_wall()
     assert crowd.y_m[:3] == pytest.approx([10.0, 8.0, 12.0])
 
 
-def test_people_walk_on_the_right_of_the_hallway():
-    crowd, on_their_side = hallway_crowd(24, 7), []
-    for _ in range(300):
-        crowd.step(0.05)
-        middle = (crowd.y_m > 4) & (crowd.y_m < 14) & (np.abs(crowd.velocity_y_mps) > 0.5)
-        on_their_side += ((crowd.velocity_y_mps > 0) == (crowd.x_m > 3))[middle].tolist()
-    assert len(on_their_side) > 1000
-    assert np.mean(on_their_side) > 0.97
-
-
 def test_wanted_speeds_lie_within_two_deviations_of_the_mean():
     speed = hallway_crowd(400, 8).desired_speed_mps
     settings = HALLWAY.pedestrians

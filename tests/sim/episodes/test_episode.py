@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_sim.drivers.catalogue import ScriptedExpert, make_driver
+from serd_sim.drivers.catalogue import ScriptedExpert
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.episodes.episode import EpisodeProgress, run_episode
 from serd_sim.errors import SimError
@@ -25,20 +25,6 @@ HALLWAY = load_scenario("hallway")
 def drive(scenario, driver, *, seed=11, **options):
     with HallwayWorld(scenario, seed=seed) as world:
         return run_episode(world, make_planner(scenario), driver, episode=0, **options)
-
-
-def test_where_nobody_is_blocked_a_drive_does_not_depend_on_patience_and_is_fast():
-    empty, tracks = load_scenario("crossing").with_pedestrian_count(0), []
-    for factor in (0.5, 2.0):
-        scenario = empty.model_copy(update={"patience_s": factor * empty.patience_s})
-        record = drive(scenario, make_driver("expert_with_flow", scenario, 11))
-        assert record.outcome == "arrived"
-        assert record.distance_m / record.duration_s > 0.8 * empty.robot.max_vel_x_mps
-        decisions = record.decisions
-        assert decisions.dwell_s.max() < 0.5 * empty.patience_s
-        columns = decisions.time_s, decisions.state, decisions.action, decisions.dwell_s
-        tracks.append((record.duration_s, record.distance_m, np.array(columns).tolist()))
-    assert tracks[0] == tracks[1]
 
 
 def test_a_blocked_robot_tries_another_way_instead_of_the_same_for_ever():

@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.errors import SerdError
 from serd_sim.planning.dwa import (
     before_stop,
     reachable_window,
-    require_foresight,
     roll_out,
     speed_to_stop_within,
 )
@@ -70,20 +68,6 @@ def test_the_yaw_is_that_of_constant_acceleration_up_to_the_turn_time_and_consta
     np.testing.assert_allclose(rollouts.yaw_rad[0], 0.3 + np.array([0.5, 1.0, 1.0]))
 
 
-def test_a_steady_rollout_keeps_the_circle_of_its_chords():
-    """Points of equal steps of s and turns of h lie on a circle of radius s / (2 sin(h / 2))."""
-    speed, turn, step_s = 0.8, 1.5, 0.05
-    rollouts = roll_out(
-        POSE, (speed, np.array([speed])), (turn, np.array([turn])), ROBOT, TIME_S, turn_time_s=2.0
-    )
-    radius_m = 0.5 * speed * step_s / math.sin(0.5 * turn * step_s)
-    yaw = 0.3 + turn * TIME_S
-    np.testing.assert_allclose(rollouts.speed_mps, np.full((1, 20), speed))
-    np.testing.assert_allclose(rollouts.yaw_rad[0], yaw)
-    np.testing.assert_allclose(rollouts.x_m[0, 0], 1.0 + radius_m * (np.sin(yaw) - math.sin(0.3)))
-    np.testing.assert_allclose(rollouts.y_m[0, 0], 2.0 - radius_m * (np.cos(yaw) - math.cos(0.3)))
-
-
 STOPPING = RobotSettings(acc_lim_x_mps2=2.0, max_vel_x_mps=1.0)
 TENTHS_S = np.arange(1, 11) / 10.0
 
@@ -108,14 +92,6 @@ def test_only_the_times_before_the_robot_has_stopped_are_given():
     at_once = before_stop(np.array([1.0]), STOPPING, TENTHS_S, slowest_mps=0.0, reaction_s=0.0)
     assert at_once.shape[1] == 5
     assert before_stop(np.array([0.0]), STOPPING, TENTHS_S, slowest_mps=0.0).shape == (1, 0)
-
-
-def test_a_horizon_of_exactly_the_stopping_time_is_enough():
-    require_foresight("horizon", 0.8, STOPPING)
-    with pytest.raises(
-        SerdError, match=r"horizon must be at least 0\.8 s, .* got 0\.79 s; raise it"
-    ):
-        require_foresight("horizon", 0.79, STOPPING)
 
 
 COSTS_S = np.array([0.5, 1.0])
@@ -236,21 +212,6 @@ def predicted(people, velocity=None, *, most=8):
 def now(people):
     """(K, 2) present positions."""
     return np.hstack([people.now_x_m, people.now_y_m]).tolist()
-
-
-def test_people_within_the_range_count_and_those_at_it_do_not():
-    """(4, 6) is 5 m from (1, 2); both coordinates of the others alone are within the range."""
-    people = predicted([(4.0, 6.0), (3.75, 6.0), (4.0, 5.75), (-3.0, -2.0), (1.0, -2.75)])
-    assert now(people) == [[3.75, 6.0], [4.0, 5.75], [1.0, -2.75]]
-
-
-def test_of_too_many_people_the_nearest_count_and_of_equally_near_ones_the_first():
-    crowd = [(4.0, 2.0), (1.0, 4.0), (1.5, 2.0), (-1.0, 2.0), (3.0, 2.0)]
-    assert now(predicted(crowd, most=3)) == [[1.5, 2.0], [1.0, 4.0], [-1.0, 2.0]]
-    assert now(predicted(crowd, most=5)) == [list(each) for each in crowd]
-    two_places = predicted([(2.0, 2.0), (1.5, 2.0)] * 30, [(k, 0.0) for k in range(60)], most=40)
-    first_of_each = [*range(1, 60, 2), *range(0, 20, 2)]
-    assert (two_places.x_m - two_places.now_x_m)[:, 1].tolist() == first_of_each
 
 
 def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_velocity_stands():

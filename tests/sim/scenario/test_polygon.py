@@ -9,7 +9,6 @@ from serd_sim.scenario.polygon import (
     contains,
     distance_to_segments_m,
     edges_of,
-    require_simple,
     signed_wall_distance_m,
     without_straight_corners,
 )
@@ -22,16 +21,6 @@ def test_distance_to_a_segment_is_that_to_a_brute_force_nearest_point(x, y):
     points = np.linspace(0, 1, 20001)[:, None] * (3.0, 1.0)
     found = distance_to_segments_m([[x, y]], np.array([[[0.0, 0.0], [3.0, 1.0]]]))
     assert found[0, 0] == pytest.approx(np.hypot(*(points - [x, y]).T).min(), abs=2e-4)
-
-
-def test_a_bow_tie_crosses_itself_and_a_spike_without_thickness_does_not():
-    with pytest.raises(ValueError, match="edges 0 and 2 do; list the corners in order"):
-        require_simple(((0, 0), (1, 1), (1, 0), (0, 1)))
-    for simple in (
-        ((0, 0), (1, 0), (1, 1), (0, 1)),
-        ((0, 0), (2, 0), (2, 1), (2, 0), (4, 0), (4, 3), (0, 3)),
-    ):
-        assert require_simple(simple) == simple
 
 
 @given(cuts=st.lists(st.tuples(st.integers(0, 5), st.floats(0.01, 0.99)), max_size=12))

@@ -82,12 +82,9 @@ TRAIN = [[0, 0], [2, 0], [2, 2], [0, 2]]
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [
-        ({"robot": {"radius": 0.3}}, r"robot\.radius.*did you mean 'radius_m'"),
         ({"decision_period_s": 2.0}, "is not a known key; .* may have patience_s and wait_s"),
         ({"robot": {"acc_lim_x_mps2": 8.0}}, r"decel_lim_x_mps2 must be .* \(8\), .* raise it"),
         ({"goal_area_m": FAR_AWAY}, "goal_area_m must hold the centre of at least one walkable"),
-        ({"start_areas_m": {"train": [[0, 0], [0.4, 0], [0.4, 0.4], [0, 0.4]]}},
-         r"start_areas_m\.train must hold the centre of at least one walkable"),
         ({"pedestrians": one_loop([[1, 1], [12, 1], [1, 9]])},
          r"loops\[0\]\.waypoints_m must be in the walkable area, got \[12\.0, 1\.0"),
         ({"pedestrians": one_loop([[2, 2], [8, 2], [8, 2], [2, 8]])}, "remove the repeated"),
@@ -99,8 +96,6 @@ TRAIN = [[0, 0], [2, 0], [2, 2], [0, 2]]
          r"loops\[0\]\.waypoints_m must cross no wall, but the leg from \[2\.0, 2\.0\]"),
         ({"obstacles": one_obstacle([14, 14], [16, 14], [16, 16])},
          r"obstacles\[0\]\.outline_m must lie in the walkable area"),
-        ({"obstacles": one_obstacle([4, np.nan], [6, 4], [5, 5])},
-         r"obstacles\[0\]\.outline_m\[0\]\[1\] must be a finite number, got nan"),
         ({"obstacles": one_obstacle([-1, 4], [11, 4], [11, 6], [-1, 6]),
           "pedestrians": {"count": 0}}, r"goal_area_m must be reachable from start_areas_m\.train"),
         ({"start_areas_m": {"train": [[0, 0], [2, 2], [2, 0], [0, 2]]}}, "must not cross itself"),
@@ -113,7 +108,6 @@ TRAIN = [[0, 0], [2, 0], [2, 2], [0, 2]]
         ({"episode_timeout_s": 0.01}, r"at least control_period_s \(0\.05 s\), got 0\.01 s"),
         ({"lidar": {"rate_hz": 3.0}}, r"the period of lidar\.rate_hz must be a whole number"),
         ({"cell_size_m": 0.001}, r"at most 40000 cells of the 10 m x 10 m .* raise it to 0\.05 "),
-        ({"cell_size_m": 1e300}, r"cell_size_m must be at most 1e\+06 in size, got 1e\+300"),
     ],
 )  # fmt: skip
 def test_a_place_where_nobody_could_walk_or_drive_is_refused_by_key(tmp_path, values, sentence):

@@ -13,7 +13,7 @@ from serd_sim.drivers.catalogue import MOVES
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.command import STOP, Command, CommandGuard, chord_velocity
+from serd_sim.world.command import STOP, Command, CommandGuard
 from serd_sim.world.waypoint import FollowedDirective, Waypoint, action_towards, waypoint_of_intent
 from support.observations import observation_at
 
@@ -129,15 +129,6 @@ def test_clear_discards_the_directive_and_stand_only_its_waypoint(followed):
     assert followed.waypoint(observation_at(2.5, 3.6, time_s=4.0)) is None
     followed.clear()
     assert not followed.is_given
-
-
-@given(yaw=st.floats(-3, 3), speed=st.floats(-1, 1.2), turn=st.floats(-3.5, 3.5))
-def test_the_chord_ends_where_the_arc_ends(yaw, speed, turn):
-    vx, vy = chord_velocity(yaw, speed, turn, 0.05)
-    steps = 2000
-    middle = yaw + turn * 0.05 * (np.arange(steps) + 0.5) / steps
-    assert vx == pytest.approx(speed * np.cos(middle).mean(), abs=1e-8)
-    assert vy == pytest.approx(speed * np.sin(middle).mean(), abs=1e-8)
 
 
 @given(yaw=st.floats(-math.pi, math.pi), seed=st.integers(0, 1000))
