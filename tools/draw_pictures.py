@@ -235,7 +235,7 @@ def _episode_states() -> list[dict[str, Any]]:
                 "world": world_state(observation, world.scan(observation)),
                 "is_stale": False,
                 "choice": action.name.lower(),
-                "waypoint": point(waypoint_of_intent(grid, observation, action)),
+                "waypoint": point(waypoint_of_intent(HALLWAY.cells, observation, action)),
                 "episode": {
                     "phase": "running", "outcome": "", "other_driver": "",
                     "duration_s": round(passed_s, 1), "decisions": len(entered),

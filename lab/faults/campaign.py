@@ -22,7 +22,6 @@ from serd_sim.safety.guard import Guard, GuardOutput
 from serd_sim.safety.reasons import Fault, GuardAction, Source
 from serd_sim.safety.settings import GuardSettings
 from serd_sim.safety.world_guard import Message, guarded, published
-from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.epochs import epochs_in
@@ -109,8 +108,8 @@ class _LivePlanner:
         self._scans = ScanMatcher(scenario) if people_from == "scan" else None
         made = make_planner(scenario)
         self._planner = self._scans.planner_on(made) if self._scans else made
-        self._grid = grid_of(scenario)
-        self._epochs = epochs_in(scenario, self._grid)
+        self._cells = scenario.cells
+        self._epochs = epochs_in(scenario, self._cells.grid)
         self._followed = FollowedDirective(scenario)
         self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
         self._arrived_s = -math.inf
@@ -144,7 +143,7 @@ class _LivePlanner:
             return False
         action = driver.decide(observation, self._epochs.state)
         self._epochs.take(observation.time_s, action)
-        self._directed = waypoint_of_intent(self._grid, observation, action)
+        self._directed = waypoint_of_intent(self._cells, observation, action)
         self.repeat()
         return True
 

@@ -33,7 +33,6 @@ from serd_sim.episodes.execution import EpisodeSettings
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner, make_planner
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.epochs import epochs_in
@@ -98,14 +97,17 @@ class Planning(Activity):
     ) -> None:
         node = self._node = endpoints.node
         config = self._config = node.config
-        self._scenario, self._grid = scenario, grid_of(scenario)
+        self._scenario, self._cells = scenario, scenario.cells
         self._scans = ScanMatcher(scenario) if config.people_from == "scan" else None
         self._planner = self._scans.planner_on(planner) if self._scans else planner
         self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
-        self._followed, self._epochs = FollowedDirective(scenario), epochs_in(scenario, self._grid)
+        self._followed, self._epochs = (
+            FollowedDirective(scenario),
+            epochs_in(scenario, self._cells.grid),
+        )
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
@@ -198,7 +200,7 @@ class Planning(Activity):
             if self._epochs.begins(observation):
                 if self._directive is None or self._directive[0] != time_ns:
                     return
-                action, self._waypoint = resolved(self._grid, observation, self._directive[1])
+                action, self._waypoint = resolved(self._cells, observation, self._directive[1])
                 self._epochs.take(observation.time_s, action)
             self._answer = time_ns, self._plan(observation)
         self._commands.publish(self._answer[1], observation.time_s)

@@ -126,8 +126,8 @@ class Navigating(Activity):
 
     def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
-        grid = self._navigator.strategy.problem.grid
-        self._waypoint = waypoint_of_intent(grid, observation, action)
+        cells = self._navigator.strategy.scenario.cells
+        self._waypoint = waypoint_of_intent(cells, observation, action)
         self._publish_waypoint(observation)
         self._records.note_decision(self._navigator, observation)
         self._reporter.report_decision(self._navigator, observation)

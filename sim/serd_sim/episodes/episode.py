@@ -118,7 +118,7 @@ def run_episode(
     while outcome is None:
         if epochs.begins(observation):
             epochs.take(observation.time_s, _action(driver, observation, epochs.state))
-            waypoint = waypoint_of_intent(world.grid, observation, epochs.action)
+            waypoint = waypoint_of_intent(world.scenario.cells, observation, epochs.action)
         wanted = planner.step(observation, waypoint)
         if not isinstance(wanted, Command):
             raise SimError(

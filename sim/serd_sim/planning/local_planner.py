@@ -16,6 +16,7 @@ import numpy as np
 from serd_sim.crowd.social_force import model_named
 from serd_sim.planning.dwa import DwaPlanner
 from serd_sim.planning.settings import PlannerSettings
+from serd_sim.planning.sight import Sight
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
@@ -85,6 +86,7 @@ class RecoveringPlanner:
         self._at_waypoint_m = min(_AT_WAYPOINT_M, _AT_WAYPOINT_CELLS * scenario.cell_size_m)
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._walls = wall_distance_raster(scenario)
+        self._sight = Sight(scenario)
         self._behaviours = behaviours_of(self._settings, self._limits)
         self.reset()
 
@@ -117,7 +119,8 @@ class RecoveringPlanner:
         return Command(*limited_velocity(command, *speeds, limits, self._period_s))
 
     def _wanted(self, observation: Observation, waypoint: Waypoint | None) -> Command:
-        command = self.planner.step(observation, waypoint)
+        aim = None if waypoint is None else self._sight.aim(observation, waypoint)
+        command = self.planner.step(observation, aim)
         if waypoint is None or self._is_at(observation, waypoint):
             self._begin_anew()
             return command

@@ -12,6 +12,7 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from serd_sim.crowd.social_force import model_named
+from serd_sim.scenario.cells import WALL_MARGIN_M
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
@@ -89,7 +90,7 @@ class CostSettings:
     person_margin_m, stopped_margin_m: to a person who walks straight on, and who stops.
     """
 
-    wall_margin_m: float = 0.05
+    wall_margin_m: float = WALL_MARGIN_M
     person_margin_m: float = 0.08
     stopped_margin_m: float = 0.02
     people_range_m: float = 3.5

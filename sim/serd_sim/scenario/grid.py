@@ -36,9 +36,8 @@ def flow_vectors(loops: tuple[Loop, ...], points_m: FloatArray, cell_size_m: flo
 
 
 def grid_of(scenario: Scenario) -> Grid:
-    """Grid over the scenario's bounds; a cell is walkable when its centre is."""
-    cells = scenario.cells
-    return Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
+    """Grid over the scenario's bounds, of the cells that the robot fits into."""
+    return scenario.cells.grid
 
 
 def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
@@ -56,12 +55,16 @@ def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
 
 
 def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
-    """States in which a robot starts: in the start area of that name, with room between walls."""
+    """States in which a robot starts: in the start area of that name, with room between walls.
+
+    Where there are only narrow ones, all of that area.
+    """
     if area not in scenario.start_areas_m:
         raise SimError(choice_rule("start area", area, sorted(scenario.start_areas_m)))
     states = np.flatnonzero(contains(scenario.start_areas_m[area], grid.centers_m))
     walls_m, radius_m = scenario.wall_segments_m, scenario.robot.radius_m
-    return states[has_room(grid.centers_m[states], grid.cell_size_m, walls_m, radius_m)]
+    roomy = has_room(grid.centers_m[states], grid.cell_size_m, walls_m, radius_m)
+    return states[roomy] if roomy.any() else states
 
 
 def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:

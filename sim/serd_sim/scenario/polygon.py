@@ -5,7 +5,6 @@ start and end points. Rules that are checked once use shapely; what trajectories
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -18,9 +17,6 @@ _SMALLEST_AREA_M2 = 1e-9
 _MARGIN_M = 1e-3
 #: Points of a tile, for all of which the walls are sorted out together that may be the nearest.
 _POINTS_OF_A_TILE = 200
-#: Least distance of a walkable cell's centre to the walls by default, as a share of its side: a
-#: robot cannot stand nearer, and the feature 1 / distance would outweigh that of every other cell.
-CLEAR_OF_WALLS = 0.1
 #: Sine of a turn below which two edges are one straight wall.
 _SMALLEST_TURN = 1e-9
 
@@ -153,41 +149,3 @@ def _may_be_nearest(points_m: FloatArray, walls_m: FloatArray) -> BoolArray:
     away_m = distance_to_segments_m((low + high) / 2, walls_m)[0]
     reach_m = float(np.linalg.norm(high - low)) + _MARGIN_M  # twice that of the farthest point
     return np.asarray(away_m <= away_m.min() + reach_m)
-
-
-@dataclass(frozen=True, eq=False)
-class WalkableCells:
-    """origin_m: lower-left corner of the cells; walkable: (rows, columns), row 0 the lowest y."""
-
-    origin_m: tuple[float, float]
-    cell_size_m: float
-    walkable: BoolArray
-
-    @property
-    def centers_m(self) -> FloatArray:
-        """(S, 2) centres of the walkable cells, row by row."""
-        row_column = np.argwhere(self.walkable)
-        centers: FloatArray = np.array(self.origin_m) + (row_column[:, ::-1] + 0.5) * (
-            self.cell_size_m
-        )
-        return centers
-
-
-def walkable_cells(
-    outline_m: ArrayLike,
-    solids_m: Sequence[ArrayLike],
-    cell_size_m: float,
-    clearance_m: float | None = None,
-) -> WalkableCells:
-    """Cells over the bounds of the outline; walkable are those with a centre clear of all walls.
-
-    clearance_m: least distance of a walkable centre; None for a tenth of a cell. With half a cell
-    no wall, however thin, lies between the centres of two walkable cells side by side.
-    """
-    least_m = CLEAR_OF_WALLS * cell_size_m if clearance_m is None else clearance_m
-    corners = np.asarray(outline_m, dtype=np.float64)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    centers, shape = cell_centers(low, high, cell_size_m)
-    distance = signed_wall_distance_m(centers, [corners, *solids_m])
-    walkable = distance >= least_m
-    return WalkableCells((float(low[0]), float(low[1])), cell_size_m, walkable.reshape(shape))

@@ -6,6 +6,7 @@ The walkable area is one simple polygon; its edges and those of the obstacles ar
 import hashlib
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError, model_validator
@@ -17,12 +18,16 @@ from serd_files.yaml_config import StrictModel, load_yaml_model, sentence_of
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario import rules
+from serd_sim.scenario.cells import (
+    WALL_MARGIN_M,
+    WalkableCells,
+    cells_for_footprint,
+    cells_with_clearance,
+)
 from serd_sim.scenario.names import scenario_file
 from serd_sim.scenario.polygon import (
-    WalkableCells,
     counter_clockwise,
     edges_of,
-    walkable_cells,
     without_straight_corners,
 )
 from serd_sim.scenario.settings import (
@@ -33,6 +38,9 @@ from serd_sim.scenario.settings import (
     PedestrianSettings,
     RobotSettings,
 )
+
+#: What the cells of a place depend on.
+_OF_CELLS = {"walkable_area_m", "obstacles", "cell_size_m", "cell_clearance_m", "robot"}
 
 
 class Scenario(StrictModel):
@@ -48,8 +56,8 @@ class Scenario(StrictModel):
     )
     cell_clearance_m: float | None = setting(
         None,
-        "least distance of a walkable cell's centre to every wall; a tenth of a cell by default."
-        " With half a cell no thin wall lies between two walkable cells",
+        "least distance of a walkable cell's centre to every wall; by default cells are walkable in"
+        " which the robot fits",
         unit="m",
         ge=0,
     )
@@ -142,9 +150,23 @@ class Scenario(StrictModel):
     @cached_property
     def cells(self) -> WalkableCells:
         """The coarse cells of the walkable area."""
-        return walkable_cells(
-            self.walkable_area_m, self.solids_m, self.cell_size_m, self.cell_clearance_m
-        )
+        place = self.walkable_area_m, self.solids_m, self.cell_size_m
+        if self.cell_clearance_m is not None:
+            return cells_with_clearance(*place, self.cell_clearance_m)
+        return cells_for_footprint(*place, self.needs_m)
+
+    @property
+    def needs_m(self) -> float:
+        """Least distance of the robot's centre to walls: its radius and the planners' margin."""
+        return self.robot.radius_m + WALL_MARGIN_M * min(1.0, self.cell_size_m)
+
+    def model_copy(self, *, update: Any = None, deep: bool = False) -> "Scenario":
+        """As of pydantic, but what is computed from the place is computed anew for another one."""
+        copied = super().model_copy(update=update, deep=deep)
+        if _OF_CELLS & (update or {}).keys():
+            for name in ("cells", "wall_segments_m"):
+                copied.__dict__.pop(name, None)
+        return copied
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:

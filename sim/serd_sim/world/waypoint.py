@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.demonstrations.crossings import CellTracker
-from serd_core.grid.grid import Action, Grid, action_of_direction
+from serd_core.grid.grid import Action, action_of_direction
 from serd_sim.errors import SimError
-from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.cells import WalkableCells
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.epochs import hysteresis_m
 from serd_sim.world.observation import Observation
@@ -46,22 +46,24 @@ def heading_to(waypoint: Waypoint, observation: Observation) -> float:
     return math.atan2(north_m, east_m)
 
 
-def waypoint_of_intent(grid: Grid, observation: Observation, action: Action) -> Waypoint | None:
+def waypoint_of_intent(
+    cells: WalkableCells, observation: Observation, action: Action
+) -> Waypoint | None:
     """Where a robot drives that is to go on in a direction; None to wait.
 
-    The centre of a cell straight ahead, at least a metre beyond the next one, or of the last one
+    The middle of a cell straight ahead, at least a metre beyond the next one, or of the last one
     before a wall: a robot that is to drive on does not brake for the next cell. Off the grid the
     way begins at the nearest cell.
     """
     if action == Action.WAIT:
         return None
-    x_m, y_m = observation.x_m, observation.y_m
+    grid, x_m, y_m = cells.grid, observation.x_m, observation.y_m
     here = grid.state_at(x_m, y_m)
     if here < 0:
-        here = int(np.argmin(np.hypot(*(grid.centers_m - (x_m, y_m)).T)))
+        here = int(np.argmin(np.hypot(*(cells.middles_m - (x_m, y_m)).T)))
     for _ in range(1 + math.ceil(_BEYOND_M / grid.cell_size_m)):
         here = int(grid.neighbours[here, action])
-    x_m, y_m = grid.centers_m[here].tolist()
+    x_m, y_m = cells.middles_m[here].tolist()
     return Waypoint(x_m, y_m)
 
 
@@ -80,14 +82,14 @@ REPEAT_PERIOD_S = 0.2
 
 
 def resolved(
-    grid: Grid, observation: Observation, directive: Action | Waypoint
+    cells: WalkableCells, observation: Observation, directive: Action | Waypoint
 ) -> tuple[Action, Waypoint | None]:
     """The action that a directive means, and where it leads; None to stand.
 
     A waypoint at the place of the robot means to wait.
     """
     if not isinstance(directive, Waypoint):
-        return directive, waypoint_of_intent(grid, observation, directive)
+        return directive, waypoint_of_intent(cells, observation, directive)
     action = action_towards(directive, observation)
     return action, None if action == Action.WAIT else directive
 
@@ -96,9 +98,9 @@ class FollowedDirective:
     """The newest directive and the waypoint it means; WAIT means none."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._grid = grid_of(scenario)
+        self._place, grid = scenario.cells, scenario.cells.grid
         self._longest_s = max(scenario.patience_s, _RECENT_S)
-        self._cells = CellTracker(self._grid, hysteresis_m(self._grid))
+        self._cells = CellTracker(grid, hysteresis_m(grid))
         self.clear()
 
     def clear(self) -> None:
@@ -140,7 +142,7 @@ class FollowedDirective:
         given_s, directive = self._newest
         is_action = not isinstance(directive, Waypoint)
         if self._is_new:
-            self._waypoint = resolved(self._grid, observation, directive)[1]
+            self._waypoint = resolved(self._place, observation, directive)[1]
             self._until_s = given_s + (self._longest_s if is_action else _RECENT_S)
             self._is_new = False
         elif entered and is_action:

@@ -19,7 +19,7 @@ from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import KinematicRobot, standing_at
 from serd_sim.robot.sensors import Lidar, Odometry
 from serd_sim.scenario.grid import Area, grid_of, start_states_of
-from serd_sim.scenario.polygon import contains_point
+from serd_sim.scenario.polygon import contains_point, distance_to_segments_m
 from serd_sim.scenario.rules import START_SPREAD
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
@@ -198,7 +198,12 @@ class HallwayWorld:
         return episode_rng(self.seed, self._episode, purpose, *more)
 
     def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
-        states = start_states_of(self.scenario, self.grid, area)
-        spread = START_SPREAD * self.grid.cell_size_m
-        x_m, y_m = self.grid.centers_m[rng.choice(states)] + rng.uniform(-spread, spread, 2)
+        state = rng.choice(start_states_of(self.scenario, self.grid, area))
+        middle_m, walls_m = self.scenario.cells.middles_m[state], self.scenario.wall_segments_m
+        nearest_m = float(distance_to_segments_m(middle_m, walls_m).min())
+        room_m = nearest_m - self.scenario.robot.radius_m
+        spread_m = START_SPREAD * self.grid.cell_size_m
+        if room_m < spread_m:
+            spread_m = min(spread_m, max(room_m, 0.0) / math.sqrt(2.0))
+        x_m, y_m = middle_m + rng.uniform(-spread_m, spread_m, 2)
         return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))

@@ -1,0 +1,130 @@
+"""Where a robot drives whose waypoint a wall hides: along the shortest way, as far as it sees.
+
+A rollout is too short to find the way round the jamb of a door. The way leads over the cells of the
+raster of wall distances, each joined with eight others.
+"""
+
+import math
+
+import numpy as np
+import scipy
+
+from serd_core.arrays import FloatArray, IntArray
+from serd_sim.scenario.occupancy import wall_distance_raster
+from serd_sim.scenario.scenario import Scenario
+from serd_sim.world.observation import Observation
+from serd_sim.world.waypoint import Waypoint
+
+#: Ways lead at most so far (m) past the box around robot and waypoint.
+_DETOUR_M = 2.0
+#: A waypoint farther away (m) is left as it is.
+_FARTHEST_M = 25.0
+#: Ways are looked along in such steps of raster cells.
+_STRIDE = 3
+#: Robot and waypoint may be so far (in raster cells) from the nearest one that is free.
+_NEAR = 8
+
+
+class Sight:
+    """Of the robot of one scenario, among its walls; people hide nothing."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._walls = wall_distance_raster(scenario)
+        # Distances are those of the nearest raster cell.
+        self._needs_m = scenario.needs_m - 0.75 * self._walls.resolution_m
+        self._ways: tuple[Waypoint, IntArray, IntArray] | None = None
+
+    def aim(self, observation: Observation, waypoint: Waypoint) -> Waypoint:
+        """The waypoint, or where the way to it leaves the robot's sight."""
+        here, to = np.array(observation.pose[:2]), np.array([waypoint.x_m, waypoint.y_m])
+        if math.dist(here, to) > _FARTHEST_M or self._sees(here, to):
+            return waypoint
+        way_m = self._way_m(here, waypoint)
+        for place in way_m[::-_STRIDE]:
+            if self._sees(here, place):
+                return Waypoint(*place.tolist())
+        return waypoint
+
+    def _sees(self, here: FloatArray, place: FloatArray) -> bool:
+        """Whether the robot could drive straight to a place; no wall is nearer than at the ends."""
+        count = 2 + math.ceil(math.dist(here, place) / self._walls.resolution_m)
+        x_m, y_m = (np.linspace(*ends, count) for ends in zip(here, place, strict=True))
+        away_m = self._walls.at(x_m, y_m)
+        return bool(away_m.min() >= min(self._needs_m, away_m[0], away_m[-1]))
+
+    def _way_m(self, here: FloatArray, waypoint: Waypoint) -> FloatArray:
+        """(N, 2) places of the shortest way from the robot to the waypoint, empty without one."""
+        if self._ways is None or self._ways[0] != waypoint:
+            self._ways = waypoint, *self._ways_to(here, np.array([waypoint.x_m, waypoint.y_m]))
+        _, window, before = self._ways
+        low, high = window
+        cell = self._cell_of(here) - low
+        if not ((cell >= 0) & (cell < high - low)).all():
+            self._ways = None
+            return np.zeros((0, 2))
+        size = high - low
+        at = int(np.ravel_multi_index(tuple(_nearest(before.reshape(size) >= -1, cell)), size))
+        way = [at]
+        while before[at] >= 0:
+            at = int(before[at])
+            way.append(at)
+        cells = np.stack(np.unravel_index(way, size), axis=1) + low
+        places: FloatArray = (
+            self._walls.origin_m + (cells[:, ::-1] + 0.5) * self._walls.resolution_m
+        )
+        return places
+
+    def _cell_of(self, place: FloatArray) -> IntArray:
+        """Row and column of the raster under a place."""
+        scaled = (place - self._walls.origin_m) / self._walls.resolution_m
+        return np.asarray(np.floor(scaled[::-1]), dtype=np.int64)
+
+    def _ways_to(self, here: FloatArray, to: FloatArray) -> tuple[IntArray, IntArray]:
+        """The window of the raster, (2, 2) first and last row and column; (cells,) the next cell.
+
+        The next one is -1 at the waypoint, and less where no way leads.
+        """
+        ends, margin = (
+            np.stack([self._cell_of(each) for each in (here, to)]),
+            math.ceil(_DETOUR_M / self._walls.resolution_m),
+        )
+        low = np.maximum(ends.min(axis=0) - margin, 0)
+        high = np.minimum(ends.max(axis=0) + margin + 1, self._walls.distance_m.shape)
+        free = self._walls.distance_m[low[0] : high[0], low[1] : high[1]] >= self._needs_m
+        goal = _nearest(free, ends[1] - low)
+        before = np.full(free.size, -9999, dtype=np.int64)
+        if free.any():
+            at = int(np.ravel_multi_index(tuple(goal), free.shape))
+            _, found = scipy.sparse.csgraph.dijkstra(
+                _joined(free), directed=False, indices=at, return_predecessors=True
+            )
+            before[:] = found
+            before[at] = -1
+        return np.stack([low, high]), before
+
+
+def _nearest(free: np.ndarray, cell: IntArray) -> IntArray:
+    """Row and column of the free cell nearest to a cell, the cell itself where none is near."""
+    cell = np.clip(cell, 0, np.array(free.shape) - 1)
+    low = np.maximum(cell - _NEAR, 0)
+    around = np.argwhere(free[low[0] : cell[0] + _NEAR + 1, low[1] : cell[1] + _NEAR + 1]) + low
+    if not len(around):
+        return cell
+    nearest: IntArray = around[np.argmin(((around - cell) ** 2).sum(axis=1))]
+    return nearest
+
+
+def _joined(free: np.ndarray) -> scipy.sparse.csr_matrix:
+    """Lengths of steps from each free cell to the next ones right, up, and up to either side."""
+    number = np.arange(free.size).reshape(free.shape)
+    rows, columns, lengths = [], [], []
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        height, width = free.shape[0] - down, free.shape[1] - abs(right)
+        first = slice(0, height), slice(max(0, -right), max(0, -right) + width)
+        second = slice(down, down + height), slice(max(0, right), max(0, right) + width)
+        both = free[first] & free[second]
+        rows.append(number[first][both])
+        columns.append(number[second][both])
+        lengths.append(np.full(int(both.sum()), math.hypot(down, right)))
+    ends = np.concatenate(rows), np.concatenate(columns)
+    return scipy.sparse.csr_matrix((np.concatenate(lengths), ends), shape=(free.size, free.size))
