@@ -21,8 +21,7 @@ from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.local_planner import LocalPlanner
 from serd_sim.robot.contacts import ContactCounts
 from serd_sim.safety.world_guard import CommandFilter, WorldGuard
-from serd_sim.scenario.grid import Area
-from serd_sim.scenario.polygon import contains_point
+from serd_sim.scenario.grid import Area, is_at_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
 from serd_sim.world.epochs import decisions_of, epochs_in
@@ -65,7 +64,7 @@ class EpisodeProgress:
         self.start = start
         self.distance_m = 0.0
         self._last = start
-        self._period_s = scenario.control_period_s
+        self._scenario, self._period_s = scenario, scenario.control_period_s
         self.goal_area_m: Area = scenario.goal_area_m
         self._n_ticks = round(timeout_s / scenario.control_period_s)
 
@@ -73,7 +72,7 @@ class EpisodeProgress:
         """Take the next observation; returns how the episode ends with it, None when it goes on."""
         before, self._last = self._last, observation
         self.distance_m += math.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m)
-        if contains_point(self.goal_area_m, observation.x_m, observation.y_m):
+        if is_at_goal(self._scenario, self.goal_area_m, observation.x_m, observation.y_m):
             return "arrived"
         return "timeout" if self.n_ticks >= self._n_ticks else None
 

@@ -19,6 +19,14 @@ from serd_sim.world.waypoint import Waypoint
 _DETOUR_M = 2.0
 #: A waypoint farther away (m) is left as it is.
 _FARTHEST_M = 25.0
+#: Ways keep this clear (m) of walls beyond what the robot needs, where there is room.
+_CLEAR_M, _CLEAR_WEIGHT = 0.1, 3.0
+#: Metres away from a near wall for each metre on.
+_SLOPE = 0.5
+#: The way is followed at least this far (m): nearer to its waypoint a robot stands.
+_AHEAD_M = 0.4
+#: Of wall distances at corners.
+_RASTER_ERROR_M = 0.01
 #: Ways are looked along in such steps of raster cells.
 _STRIDE = 3
 #: Robot and waypoint may be so far (in raster cells) from the nearest one that is free.
@@ -30,8 +38,7 @@ class Sight:
 
     def __init__(self, scenario: Scenario) -> None:
         self._walls = wall_distance_raster(scenario)
-        # Distances are those of the nearest raster cell.
-        self._needs_m = scenario.needs_m - 0.75 * self._walls.resolution_m
+        self._needs_m = scenario.needs_m - _RASTER_ERROR_M
         self._ways: tuple[Waypoint, IntArray, IntArray] | None = None
 
     def aim(self, observation: Observation, waypoint: Waypoint) -> Waypoint:
@@ -41,16 +48,22 @@ class Sight:
             return waypoint
         way_m = self._way_m(here, waypoint)
         for place in way_m[::-_STRIDE]:
-            if self._sees(here, place):
+            if math.dist(here, place) < _AHEAD_M or self._sees(here, place):
                 return Waypoint(*place.tolist())
         return waypoint
 
     def _sees(self, here: FloatArray, place: FloatArray) -> bool:
-        """Whether the robot could drive straight to a place; no wall is nearer than at the ends."""
-        count = 2 + math.ceil(math.dist(here, place) / self._walls.resolution_m)
+        """Whether the robot can drive straight to a place, clear of walls.
+
+        Beside walls that are nearer to one of the ends, the line must lead away from them.
+        """
+        length_m = math.dist(here, place)
+        count = 2 + math.ceil(length_m / self._walls.resolution_m)
         x_m, y_m = (np.linspace(*ends, count) for ends in zip(here, place, strict=True))
-        away_m = self._walls.at(x_m, y_m)
-        return bool(away_m.min() >= min(self._needs_m, away_m[0], away_m[-1]))
+        away_m, along_m = self._walls.at(x_m, y_m), np.linspace(0.0, length_m, count)
+        least_m = np.minimum(away_m[0] + _SLOPE * along_m, away_m[-1] + _SLOPE * along_m[::-1])
+        least_m = np.minimum(least_m, self._needs_m + _CLEAR_M) - _RASTER_ERROR_M
+        return bool((away_m >= least_m).all())
 
     def _way_m(self, here: FloatArray, waypoint: Waypoint) -> FloatArray:
         """(N, 2) places of the shortest way from the robot to the waypoint, empty without one."""
@@ -90,13 +103,17 @@ class Sight:
         )
         low = np.maximum(ends.min(axis=0) - margin, 0)
         high = np.minimum(ends.max(axis=0) + margin + 1, self._walls.distance_m.shape)
-        free = self._walls.distance_m[low[0] : high[0], low[1] : high[1]] >= self._needs_m
+        away_m = self._walls.distance_m[low[0] : high[0], low[1] : high[1]] - self._needs_m
+        free = away_m >= 0.0
         goal = _nearest(free, ends[1] - low)
         before = np.full(free.size, -9999, dtype=np.int64)
         if free.any():
             at = int(np.ravel_multi_index(tuple(goal), free.shape))
             _, found = scipy.sparse.csgraph.dijkstra(
-                _joined(free), directed=False, indices=at, return_predecessors=True
+                _joined(free, np.clip(1.0 - away_m / _CLEAR_M, 0.0, 1.0)),
+                directed=False,
+                indices=at,
+                return_predecessors=True,
             )
             before[:] = found
             before[at] = -1
@@ -114,8 +131,8 @@ def _nearest(free: np.ndarray, cell: IntArray) -> IntArray:
     return nearest
 
 
-def _joined(free: np.ndarray) -> scipy.sparse.csr_matrix:
-    """Lengths of steps from each free cell to the next ones right, up, and up to either side."""
+def _joined(free: np.ndarray, nearness: FloatArray) -> scipy.sparse.csr_matrix:
+    """Costs of steps from each free cell to the next ones right, up, and up to either side."""
     number = np.arange(free.size).reshape(free.shape)
     rows, columns, lengths = [], [], []
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -125,6 +142,7 @@ def _joined(free: np.ndarray) -> scipy.sparse.csr_matrix:
         both = free[first] & free[second]
         rows.append(number[first][both])
         columns.append(number[second][both])
-        lengths.append(np.full(int(both.sum()), math.hypot(down, right)))
+        near = 0.5 * (nearness[first] + nearness[second])[both]
+        lengths.append(math.hypot(down, right) * (1.0 + _CLEAR_WEIGHT * near))
     ends = np.concatenate(rows), np.concatenate(columns)
     return scipy.sparse.csr_matrix((np.concatenate(lengths), ends), shape=(free.size, free.size))

@@ -22,8 +22,8 @@ from serd_sim.scenario.polygon import cell_centers, edges_of, signed_wall_distan
 
 #: Margin (m) to walls that planners keep, in cells of 1 m and more; in smaller ones in proportion.
 WALL_MARGIN_M = 0.05
-#: A robot does not enter a part that is narrower than this share of a cell.
-_NARROW_CELLS = 0.2
+#: A robot that stops this near to the middle of a part that is narrower has not entered its cell.
+_NARROW_M, _NARROW_CELLS = 0.2, 0.2
 #: Parts of cells are at least this wide (m), and touch over as much.
 _LEAST_M = 0.01
 _TOLERANCE_M = 0.005
@@ -82,8 +82,7 @@ def cells_for_footprint(
     middles_m = centers_m.copy()
     points = shapely.points(centers_m)
     for cell in np.flatnonzero(walkable & ~shapely.intersects(parts, points)):
-        middle = polylabel(parts[cell], _TOLERANCE_M)
-        middles_m[cell] = middle.x, middle.y
+        middles_m[cell] = _middle_of(parts[cell], points[cell])
     return WalkableCells(origin_m, cell_size_m, walkable.reshape(shape), middles_m[walkable])
 
 
@@ -169,6 +168,14 @@ def _free_parts(
     return parts
 
 
+def _middle_of(part: shapely.Polygon, center: shapely.Point) -> tuple[float, float]:
+    """The place nearest to a centre of those that are as far as possible from the part's border."""
+    deepest = polylabel(part, _TOLERANCE_M)
+    inner = part.buffer(2.0 * _TOLERANCE_M - part.exterior.distance(deepest))
+    nearest = shapely.get_point(shapely.shortest_line(inner, center), 0)
+    return (deepest.x, deepest.y) if nearest is None else (nearest.x, nearest.y)
+
+
 def _widths_m(parts: ArrayLike) -> FloatArray:
     """Smaller side of the box around each part."""
     bounds = shapely.bounds(parts)
@@ -193,11 +200,30 @@ def _leave_out_unjoined(parts: np.ndarray, walkable: BoolArray, shape: tuple[int
 
 
 def _without_narrow(parts: np.ndarray, walkable: BoolArray, cell_size_m: float) -> BoolArray:
-    """(rows, columns) without cells of narrow parts; with them where others need them."""
-    narrow = _widths_m(parts).reshape(walkable.shape) < _NARROW_CELLS * cell_size_m
-    wide = walkable & ~narrow
-    n_groups = len(np.unique(groups_of(walkable)[wide]))
-    return wide if n_groups == len(np.unique(groups_of(wide)[wide])) else walkable
+    """(rows, columns) without cells of narrow parts beside wider ones, but for those that join."""
+    bounds = shapely.bounds(parts).reshape(*walkable.shape, 4)
+    width_m = np.where(walkable[..., None], bounds[..., 2:] - bounds[..., :2], -1.0)
+    beside = np.pad(width_m, ((1, 1), (1, 1), (0, 0)), constant_values=-1.0)
+    wider = np.stack(
+        [
+            np.maximum(beside[1:-1, 2:, 0], beside[1:-1, :-2, 0]),
+            np.maximum(beside[2:, 1:-1, 1], beside[:-2, 1:-1, 1]),
+        ],
+        axis=-1,
+    )
+    least_m = _NARROW_M + _NARROW_CELLS * cell_size_m
+    narrow = walkable & ((width_m < least_m) & (width_m < wider)).any(axis=-1)
+    n_groups = len(np.unique(groups_of(walkable)))
+    kept = walkable & ~narrow
+    if len(np.unique(groups_of(kept))) == n_groups:
+        return kept
+    kept = walkable.copy()
+    cells = np.flatnonzero(narrow)
+    for cell in cells[np.argsort(width_m.min(axis=-1).flat[cells], kind="stable")]:
+        kept.flat[cell] = False
+        if len(np.unique(groups_of(kept))) != n_groups:
+            kept.flat[cell] = True
+    return kept
 
 
 def groups_of(walkable: BoolArray) -> IntArray:

@@ -10,11 +10,18 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, build_navigation_problem
 from serd_sim.errors import SimError
-from serd_sim.scenario.polygon import Point, contains, distance_to_segments_m, edges_of
+from serd_sim.scenario.polygon import (
+    Point,
+    contains,
+    contains_point,
+    distance_to_segments_m,
+    edges_of,
+)
 from serd_sim.scenario.rules import has_room
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import Loop
 
+Area = tuple[Point, ...]
 _WEAKEST_FLOW = 0.05
 
 
@@ -52,6 +59,15 @@ def flow_of(scenario: Scenario, grid: Grid) -> IntArray:
 def goal_states_of(scenario: Scenario, grid: Grid) -> IntArray:
     """States whose centre lies in the goal area."""
     return np.flatnonzero(contains(scenario.goal_area_m, grid.centers_m))
+
+
+def is_at_goal(scenario: Scenario, goal_area_m: Area, x_m: float, y_m: float) -> bool:
+    """Whether a point, or the centre of its cell, is in a goal area."""
+    if contains_point(goal_area_m, x_m, y_m):
+        return True
+    grid = scenario.cells.grid
+    state = grid.state_at(x_m, y_m)
+    return state >= 0 and contains_point(goal_area_m, *grid.centers_m[state])
 
 
 def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
@@ -93,9 +109,6 @@ def navigation_problem_of(
         discount=discount,
         features=features,
     )
-
-
-Area = tuple[Point, ...]
 
 
 def goal_at(scenario: Scenario, x_m: float, y_m: float) -> Scenario:

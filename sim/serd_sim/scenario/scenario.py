@@ -86,7 +86,9 @@ class Scenario(StrictModel):
         (), "solids in it, each with `name` and `outline_m`; they may extend beyond the walls"
     )
     goal_area_m: Outline = setting(
-        ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
+        ...,
+        "polygon; an episode ends when the robot's centre, or that of its cell, is inside",
+        unit="m",
     )
     start_areas_m: dict[str, Outline] = setting(
         ...,

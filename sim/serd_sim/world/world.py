@@ -18,8 +18,8 @@ from serd_sim.robot.contacts import ContactCounter, ContactCounts
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import KinematicRobot, standing_at
 from serd_sim.robot.sensors import Lidar, Odometry
-from serd_sim.scenario.grid import Area, grid_of, start_states_of
-from serd_sim.scenario.polygon import contains_point, distance_to_segments_m
+from serd_sim.scenario.grid import Area, grid_of, is_at_goal, start_states_of
+from serd_sim.scenario.polygon import distance_to_segments_m
 from serd_sim.scenario.rules import START_SPREAD
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
@@ -146,8 +146,8 @@ class HallwayWorld:
 
     @property
     def in_goal(self) -> bool:
-        """Whether the robot's centre is in the goal area."""
-        return contains_point(self.goal_area_m, *self._robot.state.pose[:2])
+        """Whether the robot's centre, or that of its cell, is in the goal area."""
+        return is_at_goal(self.scenario, self.goal_area_m, *self._robot.state.pose[:2])
 
     @property
     def odometry_pose(self) -> tuple[float, float, float]:
