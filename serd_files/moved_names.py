@@ -114,6 +114,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
         "wheel_separation_m",
     ): "it is that of the URDF; delete the key",
     ("key", "flow_convention"): "people walk a loop in the order of its waypoints; delete the key",
+    ("key", "circular_anisotropic"): "it walked slower than people do and has left (docs/crowd.md)",
     ("key", "planner"): _ONE_PLANNER,
     ("key", "mass_kg"): _WALL,
     ("key", "hinge_m"): _WALL,

@@ -17,13 +17,15 @@ from numpy.typing import ArrayLike
 from shapely.ops import polylabel
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.grid.grid import Grid
+from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_sim.scenario.polygon import cell_centers, edges_of, signed_wall_distance_m
 
 #: Margin (m) to walls that planners keep, in cells of 1 m and more; in smaller ones in proportion.
 WALL_MARGIN_M = 0.05
 #: A robot that stops this near to the middle of a part that is narrower has not entered its cell.
 _NARROW_M, _NARROW_CELLS = 0.2, 0.2
+#: How far (m) beyond the middle of a part a robot drives to that enters its cell.
+_BEYOND_M = 0.15
 #: Parts of cells are at least this wide (m), and touch over as much.
 _LEAST_M = 0.01
 _TOLERANCE_M = 0.005
@@ -33,19 +35,25 @@ _TOLERANCE_M = 0.005
 class WalkableCells:
     """origin_m: lower-left corner of the cells; walkable: (rows, columns), row 0 the lowest y.
 
-    middles_m: (S, 2) a place in each walkable cell, row by row: its centre where the robot fits
-    there, else the middle of its free part.
+    places_m: (S, 5, 2) where a robot drives that enters each walkable cell, row by row, by an
+    action: the cell's centre where the robot fits there, else the middle of its free part, and a
+    little beyond it, so that it enters the cell.
     """
 
     origin_m: tuple[float, float]
     cell_size_m: float
     walkable: BoolArray
-    middles_m: FloatArray
+    places_m: FloatArray
 
     @property
     def centers_m(self) -> FloatArray:
         """(S, 2) centres of the walkable cells, row by row."""
         return self.grid.centers_m
+
+    @property
+    def middles_m(self) -> FloatArray:
+        """(S, 2) the places without an action."""
+        return self.places_m[:, Action.WAIT]
 
     @cached_property
     def grid(self) -> Grid:
@@ -64,7 +72,8 @@ def cells_with_clearance(
     origin_m, centers_m, shape = _raster(outline_m, cell_size_m)
     distance = signed_wall_distance_m(centers_m, [np.asarray(outline_m, float), *solids_m])
     walkable = distance >= clearance_m
-    return WalkableCells(origin_m, cell_size_m, walkable.reshape(shape), centers_m[walkable])
+    places_m = np.repeat(centers_m[walkable, None], len(Action), axis=1)
+    return WalkableCells(origin_m, cell_size_m, walkable.reshape(shape), places_m)
 
 
 def cells_for_footprint(
@@ -79,11 +88,14 @@ def cells_for_footprint(
     walkable = ~shapely.is_empty(parts)
     _leave_out_unjoined(parts, walkable, shape)
     walkable = _without_narrow(parts, walkable.reshape(shape), cell_size_m).ravel()
-    middles_m = centers_m.copy()
+    places_m = np.repeat(centers_m[:, None], len(Action), axis=1)
     points = shapely.points(centers_m)
+    beyond_m = _BEYOND_M + 0.5 * _NARROW_CELLS * cell_size_m
     for cell in np.flatnonzero(walkable & ~shapely.intersects(parts, points)):
-        middles_m[cell] = _middle_of(parts[cell], points[cell])
-    return WalkableCells(origin_m, cell_size_m, walkable.reshape(shape), middles_m[walkable])
+        beyond = _middle_of(parts[cell], points[cell]) + beyond_m * DIRECTION_VECTORS
+        nearest = shapely.shortest_line(parts[cell], shapely.points(beyond))
+        places_m[cell] = shapely.get_coordinates(shapely.get_point(nearest, 0))
+    return WalkableCells(origin_m, cell_size_m, walkable.reshape(shape), places_m[walkable])
 
 
 def free_space(
@@ -168,12 +180,12 @@ def _free_parts(
     return parts
 
 
-def _middle_of(part: shapely.Polygon, center: shapely.Point) -> tuple[float, float]:
+def _middle_of(part: shapely.Polygon, center: shapely.Point) -> FloatArray:
     """The place nearest to a centre of those that are as far as possible from the part's border."""
     deepest = polylabel(part, _TOLERANCE_M)
     inner = part.buffer(2.0 * _TOLERANCE_M - part.exterior.distance(deepest))
     nearest = shapely.get_point(shapely.shortest_line(inner, center), 0)
-    return (deepest.x, deepest.y) if nearest is None else (nearest.x, nearest.y)
+    return shapely.get_coordinates(deepest if nearest is None else nearest)[0]
 
 
 def _widths_m(parts: ArrayLike) -> FloatArray:

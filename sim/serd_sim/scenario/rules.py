@@ -55,6 +55,11 @@ def require_consistent(scenario: "Scenario") -> None:
                 f", got {_listed(solid)}; move it or leave it out"
             )
     require_cell_count(scenario.walkable_area_m, scenario.cell_size_m)
+    if not scenario.cells.walkable.any():
+        raise ValueError(
+            f"robot.radius_m must leave room in walkable_area_m, where no place is"
+            f" {scenario.needs_m:g} m from all walls, got {scenario.robot.radius_m:g}; lower it"
+        )
     _require_cells("goal_area_m", scenario.goal_area_m, scenario)
     for key, area in scenario.start_areas_m.items():
         _require_start(f"start_areas_m.{key}", area, scenario)
@@ -145,7 +150,7 @@ def _require_cells(name: str, area: Sequence[Point], scenario: "Scenario") -> Fl
 
 
 def _require_start(name: str, area: Sequence[Point], scenario: "Scenario") -> None:
-    """A start area has a cell with room for the robot, ways to the goal, and no start in it."""
+    """A start area has a cell for the robot, ways to the goal, and no start in it."""
     cells, goal = scenario.cells, scenario.goal_area_m
     size_m, radius_m = cells.cell_size_m, scenario.robot.radius_m
     inside = _require_cells(name, area, scenario)

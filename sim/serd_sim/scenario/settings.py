@@ -184,7 +184,7 @@ class PedestrianSettings(StrictModel):
     """How many people walk, where, how fast, and by which social force model."""
 
     model: str = setting(
-        "circular_anisotropic", f"social force model: {' or '.join(model_names())}"
+        "collision_prediction", f"social force model: {' or '.join(model_names())}"
     )
     count: int = setting(24, "number of people, at most 5.4 per walkable m²", ge=0)
     loops: tuple[Loop, ...] = setting((), "closed lines that people walk around")

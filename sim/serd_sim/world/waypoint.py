@@ -63,7 +63,7 @@ def waypoint_of_intent(
         here = int(np.argmin(np.hypot(*(cells.middles_m - (x_m, y_m)).T)))
     for _ in range(1 + math.ceil(_BEYOND_M / grid.cell_size_m)):
         here = int(grid.neighbours[here, action])
-    x_m, y_m = cells.middles_m[here].tolist()
+    x_m, y_m = cells.places_m[here, action].tolist()
     return Waypoint(x_m, y_m)
 
 

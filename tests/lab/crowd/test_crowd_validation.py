@@ -71,7 +71,7 @@ def test_people_who_walk_both_ways_sort_into_lanes_better_than_chance():
 
 
 @pytest.mark.parametrize(
-    ("model", "n_arrive"), [("circular_anisotropic", 20), ("helbing_molnar_1995", 15)]
+    ("model", "n_arrive"), [("collision_prediction", 20), ("helbing_molnar_1995", 15)]
 )
 def test_twenty_people_go_round_a_corner_and_nobody_through_the_wall(model, n_arrive):
     """RiMEA test 6: a corner between corridors 2 m wide; nothing is fitted in the model of 1995."""

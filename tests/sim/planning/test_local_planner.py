@@ -58,7 +58,7 @@ def drive(planner, pose, waypoint, n_ticks, people=()):
 def test_an_unhindered_robot_passes_the_next_cell_within_its_patience(planner, start, yaw_rad):
     """Near a border it may swing into the cell beside it first, where it faces that way."""
     observation = observation_at(*start, yaw_rad)
-    waypoint = waypoint_of_intent(GRID, observation, Action.NORTH)
+    waypoint = waypoint_of_intent(HALLWAY.cells, observation, Action.NORTH)
     poses, _ = drive(planner, observation.pose, waypoint, round(HALLWAY.patience_s / 0.05))
     wanted = GRID.neighbours[GRID.state_at(*start), Action.NORTH]
     assert wanted in GRID.states_at(poses[:, :2])

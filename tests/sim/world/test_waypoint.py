@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Action
 from serd_files.errors import USER_ERRORS
 from serd_sim.drivers.catalogue import MOVES
 from serd_sim.errors import SimError
-from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.cells import cells_with_clearance
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command, CommandGuard
 from serd_sim.world.waypoint import FollowedDirective, Waypoint, action_towards, waypoint_of_intent
 from support.observations import observation_at
 
-GRID = grid_of(load_scenario("hallway"))
+CELLS = load_scenario("hallway").cells
 
 
 @pytest.mark.parametrize(
@@ -32,16 +32,22 @@ GRID = grid_of(load_scenario("hallway"))
     ],
 )
 def test_a_move_goes_straight_on_to_a_cell_a_metre_beyond_the_next_one(place, action, expected):
-    assert waypoint_of_intent(GRID, observation_at(*place), action) == expected
+    assert waypoint_of_intent(CELLS, observation_at(*place), action) == expected
 
 
 @pytest.mark.parametrize(("cell_size_m", "n_cells"), [(0.3, 5), (0.5, 3), (2.0, 2)])
 def test_the_waypoint_is_a_metre_beyond_the_next_cell_whatever_the_size_of_cells(
     cell_size_m, n_cells
 ):
-    grid = Grid((0.0, 0.0), cell_size_m, np.ones((1, 20), bool))
+    corridor = (
+        (0.0, 0.0),
+        (20 * cell_size_m, 0.0),
+        (20 * cell_size_m, cell_size_m),
+        (0.0, cell_size_m),
+    )
+    cells = cells_with_clearance(corridor, (), cell_size_m, 0.0)
     start = observation_at(0.5 * cell_size_m, 0.5 * cell_size_m)
-    ahead = waypoint_of_intent(grid, start, Action.EAST)
+    ahead = waypoint_of_intent(cells, start, Action.EAST)
     expected = (0.5 + n_cells) * cell_size_m, 0.5 * cell_size_m
     assert (ahead.x_m, ahead.y_m) == pytest.approx(expected)
 
@@ -49,7 +55,7 @@ def test_the_waypoint_is_a_metre_beyond_the_next_cell_whatever_the_size_of_cells
 @pytest.mark.parametrize("action", MOVES)
 def test_the_waypoint_of_an_action_lies_in_its_direction(action):
     here = observation_at(2.5, 4.5)
-    assert action_towards(waypoint_of_intent(GRID, here, action), here) == action
+    assert action_towards(waypoint_of_intent(CELLS, here, action), here) == action
 
 
 @pytest.mark.parametrize("point", [(math.nan, 1.0), (1.0, math.inf), (-1e300, 1.0)])
