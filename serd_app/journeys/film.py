@@ -9,7 +9,7 @@ from serd_bag.files import require_file_place
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.batch import EpisodeTask, scenario_of
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
-from serd_sim.episodes.film import Frame, TopView, save_gif, save_png, with_caption
+from serd_sim.episodes.film import TopView, save_gif, save_png
 from serd_sim.perception.scanning_planner import planner_in_world
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
@@ -40,7 +40,7 @@ def film(
     record, seen = _drive(task, place)
     drawn = TopView(place, PIXELS_PER_M)
     if output.suffix.lower() == ".png":
-        _write_moment(drawn, seen, place, output, at_s)
+        _write_moment(drawn, seen, output, at_s)
     else:
         _write_movie(drawn, seen, place, output, speed, track)
     return record
@@ -63,16 +63,12 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, list[O
 
 
 def _write_moment(
-    drawn: TopView,
-    seen: list[Observation],
-    scenario: Scenario,
-    output: Path,
-    at_s: float | None,
+    drawn: TopView, seen: list[Observation], output: Path, at_s: float | None
 ) -> None:
     times_s = np.array([each.time_s for each in seen])
     last = len(seen) - 1
     tick = last if at_s is None else min(int(np.searchsorted(times_s, times_s[0] + at_s)), last)
-    save_png(_captioned(drawn, seen, tick, scenario.name), output)
+    save_png(drawn.frame_at(seen, tick), output)
 
 
 def _write_movie(
@@ -87,12 +83,5 @@ def _write_movie(
     last, period_s = len(seen) - 1, scenario.control_period_s
     step = max(1, round(speed / (FRAMES_PER_S * period_s)))
     ticks = track([*range(0, last, step), last])
-    frames = (_captioned(drawn, seen, tick, scenario.name, f", x{speed:g}") for tick in ticks)
+    frames = (drawn.frame_at(seen, tick) for tick in ticks)
     save_gif(frames, output, speed / (step * period_s))
-
-
-def _captioned(
-    drawn: TopView, seen: list[Observation], tick: int, name: str, times: str = ""
-) -> Frame:
-    passed_s = seen[tick].time_s - seen[0].time_s
-    return with_caption(drawn.frame_at(seen, tick), f"{name}, {passed_s:.1f} s{times}")

@@ -38,7 +38,7 @@ class Pairs:
 
     def totals(self, values: FloatArray) -> FloatArray:
         """(n_people,) sums of the values (n,) of each person's pairs."""
-        return np.bincount(self.person, values, self.n_people)
+        return np.asarray(np.bincount(self.person, values, self.n_people), dtype=np.float64)
 
 
 class Neighbours:

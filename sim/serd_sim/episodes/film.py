@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from serd_bag.files import atomic_write_bytes
 from serd_core.arrays import FloatArray
@@ -47,28 +47,6 @@ def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10
     options = {"append_images": images, "duration": period_ms, "loop": 0}
     palette.save(content, format="GIF", save_all=True, **options)
     atomic_write_bytes(path, content.getvalue())
-
-
-_HEIGHT_PX, _TEXT_PX, _MARGIN_PX = 22, 13, 6
-#: Room for the time at the end of a caption.
-_NARROWEST_PX = 120
-_PAPER, _INK = (255, 255, 255), (38, 50, 61)
-
-
-def with_caption(frame: Frame, text: str) -> Frame:
-    """The frame with a line of text below it, of which a narrow frame has the end."""
-    height, width = frame.shape[:2]
-    width = max(width, _NARROWEST_PX)
-    image = Image.new("RGB", (width, height + _HEIGHT_PX), _PAPER)
-    image.paste(Image.fromarray(frame), (0, 0))
-    font, shown = ImageFont.load_default(_TEXT_PX), text
-    while font.getlength(shown) > width - 2 * _MARGIN_PX:
-        text = text[1:]
-        shown = f"…{text}"
-    ImageDraw.Draw(image).text(
-        (_MARGIN_PX, height + _HEIGHT_PX // 2), shown, fill=_INK, font=font, anchor="lm"
-    )
-    return np.asarray(image)
 
 
 Colour = tuple[int, int, int]

@@ -85,7 +85,7 @@ class PhysicalRobot:
         self._wheels_radps: Wheels = (0.0, 0.0)
         self._wall_segments_m = scenario.wall_segments_m
         self._wall_geometry = WallGeometry(scenario.wall_segments_m)
-        self.state = PhysicalState(0.0, 0.0, (0.0, 1.0))
+        self.state = PhysicalState((0.0, 0.0, 0.0))
         self.wheel_motion: tuple[float, float] | None = None
         self.wall_distance_m = math.inf
         self._client: BulletClient = None
@@ -95,7 +95,7 @@ class PhysicalRobot:
         """Put the robot on the floor of a new world and give it a velocity."""
         self._build()
         turn = turned(start.pose[2])
-        root_m = (start.x_m, start.y_m, self._rolling_radius_m - self._drive.axle_height_m)
+        root_m = (*start.pose[:2], self._rolling_radius_m - self._drive.axle_height_m)
         place = np.add(root_m, rotated(turn, self._mass_in_root[0]))
         turn = product(turn, self._mass_in_root[1])
         self._client.resetBasePositionAndOrientation(self._robot, place, turn)
@@ -115,7 +115,7 @@ class PhysicalRobot:
         velocities = crowd.velocity_mps
         places = crowd.position_m - self._step_s * velocities
         reach_m = self._settings.radius_m + self._person_radius_m
-        away_m = np.hypot(places[:, 0] - before.x_m, places[:, 1] - before.y_m)
+        away_m = np.hypot(*(places - before.pose[:2]).T)
         near = near_people(away_m, reach_m, self._step_s, places, velocities)
         people, wall = self.roll(self._speeds_of_wheels(target), near)
         touches = Touches({person: self._is_by_robot(person, crowd) for person in people}, wall)
@@ -154,9 +154,8 @@ class PhysicalRobot:
     @property
     def body(self) -> RobotBody:
         """The robot as people feel it."""
-        return RobotBody(
-            self.state.x_m, self.state.y_m, *self.state.velocity_mps, self._settings.radius_m
-        )
+        state = self.state
+        return RobotBody(*state.pose[:2], *state.velocity_mps, self._settings.radius_m)
 
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
@@ -189,16 +188,14 @@ class PhysicalRobot:
             sign * state[0] for sign, state in zip(self._drive.turns_forward, wheels, strict=True)
         )
         self.state = PhysicalState(
-            place[0] - mass_x_m,
-            place[1] - mass_y_m,
-            (math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)),
+            (place[0] - mass_x_m, place[1] - mass_y_m, math.remainder(yaw_rad, math.tau)),
             vx_mps * math.cos(yaw_rad) + vy_mps * math.sin(yaw_rad),
             rates[2],
             (vx_mps, vy_mps),
             (left, right),
             target,
         )
-        self.wall_distance_m = self._wall_geometry.nearest_m(self.state.x_m, self.state.y_m)
+        self.wall_distance_m = self._wall_geometry.nearest_m(*self.state.pose[:2])
 
     def _build(self) -> None:
         self.close()

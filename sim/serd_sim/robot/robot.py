@@ -18,28 +18,16 @@ _CORNER_PASSES = 3
 
 @dataclass(frozen=True)
 class RobotState:
-    """Where the robot is and how it moves.
+    """Where the robot is and how it moves; pose: (x_m, y_m, yaw_rad), yaw in [-pi, pi]."""
 
-    half_turn: (z, w) of the orientation quaternion.
-    """
-
-    x_m: float
-    y_m: float
-    half_turn: tuple[float, float]
+    pose: Pose
     speed_mps: float = 0.0
     yaw_rate_radps: float = 0.0
-
-    @property
-    def pose(self) -> Pose:
-        """(x_m, y_m, yaw_rad), yaw in [-pi, pi]."""
-        z, w = self.half_turn
-        return self.x_m, self.y_m, 2.0 * (math.atan2(z, w) if w >= 0 else math.atan2(-z, -w))
 
 
 def standing_at(pose: Pose) -> RobotState:
     """State of a robot that stands at a pose."""
-    half = 0.5 * pose[2]
-    return RobotState(pose[0], pose[1], (math.sin(half), math.cos(half)))
+    return RobotState((*pose[:2], math.remainder(pose[2], math.tau)))
 
 
 class KinematicRobot:
@@ -57,7 +45,7 @@ class KinematicRobot:
     def place(self, state: RobotState) -> None:
         """Set the pose and the velocity of the robot."""
         self.state = state
-        self.wall_distance_m = self._walls.nearest_m(self.state.x_m, self.state.y_m)
+        self.wall_distance_m = self._walls.nearest_m(*state.pose[:2])
 
     def drive(self, command: Command, _crowd: Crowd) -> Touches | None:
         """One control period towards the command; what a wall takes of the speed is lost."""
@@ -91,7 +79,7 @@ class KinematicRobot:
             y_m += depth * float(self._walls.dy_m[0, wall]) / max(distance, 1e-9)
             self._walls.nearest_m(x_m, y_m)
         moved = (x_m - before[0]) * math.cos(yaw_rad) + (y_m - before[1]) * math.sin(yaw_rad)
-        self.state = replace(self.state, x_m=x_m, y_m=y_m, speed_mps=moved / self._step_s)
+        self.state = replace(self.state, pose=(x_m, y_m, yaw_rad), speed_mps=moved / self._step_s)
 
     @property
     def body(self) -> RobotBody:

@@ -185,7 +185,8 @@ def _middle_of(part: shapely.Polygon, center: shapely.Point) -> FloatArray:
     deepest = polylabel(part, _TOLERANCE_M)
     inner = part.buffer(2.0 * _TOLERANCE_M - part.exterior.distance(deepest))
     nearest = shapely.get_point(shapely.shortest_line(inner, center), 0)
-    return shapely.get_coordinates(deepest if nearest is None else nearest)[0]
+    middle = deepest if nearest is None else nearest
+    return np.array([middle.x, middle.y])
 
 
 def _widths_m(parts: ArrayLike) -> FloatArray:
@@ -216,25 +217,21 @@ def _without_narrow(parts: np.ndarray, walkable: BoolArray, cell_size_m: float) 
     bounds = shapely.bounds(parts).reshape(*walkable.shape, 4)
     width_m = np.where(walkable[..., None], bounds[..., 2:] - bounds[..., :2], -1.0)
     beside = np.pad(width_m, ((1, 1), (1, 1), (0, 0)), constant_values=-1.0)
-    wider = np.stack(
-        [
-            np.maximum(beside[1:-1, 2:, 0], beside[1:-1, :-2, 0]),
-            np.maximum(beside[2:, 1:-1, 1], beside[:-2, 1:-1, 1]),
-        ],
-        axis=-1,
-    )
+    wider_m = np.maximum(beside[1:-1, 2:, 0], beside[1:-1, :-2, 0])
+    higher_m = np.maximum(beside[2:, 1:-1, 1], beside[:-2, 1:-1, 1])
     least_m = _NARROW_M + _NARROW_CELLS * cell_size_m
-    narrow = walkable & ((width_m < least_m) & (width_m < wider)).any(axis=-1)
+    is_narrow = (width_m < least_m) & (width_m < np.stack([wider_m, higher_m], axis=-1))
+    narrow = np.flatnonzero(walkable & is_narrow.any(axis=-1))
     n_groups = len(np.unique(groups_of(walkable)))
-    kept = walkable & ~narrow
-    if len(np.unique(groups_of(kept))) == n_groups:
-        return kept
+    narrowest_first = narrow[np.argsort(width_m.min(axis=-1).flat[narrow], kind="stable")]
     kept = walkable.copy()
-    cells = np.flatnonzero(narrow)
-    for cell in cells[np.argsort(width_m.min(axis=-1).flat[cells], kind="stable")]:
-        kept.flat[cell] = False
+    for cells in (narrow, *narrowest_first):
+        before = kept.copy()
+        kept.flat[cells] = False
         if len(np.unique(groups_of(kept))) != n_groups:
-            kept.flat[cell] = True
+            kept = before
+        elif cells is narrow:
+            break
     return kept
 
 
