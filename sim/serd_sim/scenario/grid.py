@@ -84,8 +84,10 @@ def start_states_of(scenario: Scenario, grid: Grid, area: str) -> IntArray:
 
 
 def wall_distance_of(scenario: Scenario, grid: Grid) -> FloatArray:
-    """(S,) metres from each cell's centre to the nearest wall."""
-    distance = distance_to_segments_m(grid.centers_m, scenario.wall_segments_m)
+    """(S,) metres to the nearest wall, from each cell's centre or the middle of its free part."""
+    cells = scenario.cells
+    places_m = cells.middles_m if grid is cells.grid else grid.centers_m
+    distance = distance_to_segments_m(places_m, scenario.wall_segments_m)
     return np.asarray(distance.min(axis=1))
 
 
