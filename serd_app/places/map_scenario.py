@@ -164,6 +164,7 @@ def grid_scenario(
             name=name,
             source="The cells of a grid that was fitted to recordings",
             cell_size_m=cell_m,
+            clearance=f"cell_clearance_m: {0.1 * cell_m!r}\n",
             patience_s=patience_s,
             wait_s=wait_s,
             radius_m=radius_m,
