@@ -29,6 +29,8 @@ _AHEAD_M = 0.4
 _RASTER_ERROR_M = 0.01
 #: Ways are looked along in such steps of raster cells.
 _STRIDE = 3
+#: Stands for the next cell at the waypoint.
+_GOAL = -1
 #: Robot and waypoint may be so far (in raster cells) from the nearest one that is free.
 _NEAR = 8
 
@@ -69,23 +71,21 @@ class Sight:
         """(N, 2) places of the shortest way from the robot to the waypoint, empty without one."""
         if self._ways is None or self._ways[0] != waypoint:
             self._ways = waypoint, *self._ways_to(here, np.array([waypoint.x_m, waypoint.y_m]))
-        _, window, before = self._ways
-        low, high = window
+        _, low, before = self._ways
         cell = self._cell_of(here) - low
-        if not ((cell >= 0) & (cell < high - low)).all():
+        if not ((cell >= 0) & (cell < before.shape)).all():
             self._ways = None
             return np.zeros((0, 2))
-        size = high - low
-        at = int(np.ravel_multi_index(tuple(_nearest(before.reshape(size) >= -1, cell)), size))
-        way = [at]
-        while before[at] >= 0:
-            at = int(before[at])
+        at = int(np.ravel_multi_index(tuple(_nearest(before >= _GOAL, cell)), before.shape))
+        way, following = [at], before.ravel()
+        while following[at] >= 0:
+            at = int(following[at])
             way.append(at)
-        cells = np.stack(np.unravel_index(way, size), axis=1) + low
-        places: FloatArray = (
-            self._walls.origin_m + (cells[:, ::-1] + 0.5) * self._walls.resolution_m
-        )
-        return places
+        if following[at] < _GOAL:
+            return np.zeros((0, 2))
+        cells = np.stack(np.unravel_index(way, before.shape), axis=1) + low
+        way_m: FloatArray = (cells[:, ::-1] + 0.5) * self._walls.resolution_m
+        return way_m + self._walls.origin_m
 
     def _cell_of(self, place: FloatArray) -> IntArray:
         """Row and column of the raster under a place."""
@@ -93,31 +93,25 @@ class Sight:
         return np.asarray(np.floor(scaled[::-1]), dtype=np.int64)
 
     def _ways_to(self, here: FloatArray, to: FloatArray) -> tuple[IntArray, IntArray]:
-        """The window of the raster, (2, 2) first and last row and column; (cells,) the next cell.
+        """First row and column of a window of the raster; (rows, columns) of it the next cell.
 
-        The next one is -1 at the waypoint, and less where no way leads.
+        That is `_GOAL` at the waypoint, and less where no way leads.
         """
-        ends, margin = (
-            np.stack([self._cell_of(each) for each in (here, to)]),
-            math.ceil(_DETOUR_M / self._walls.resolution_m),
-        )
+        ends = np.stack([self._cell_of(here), self._cell_of(to)])
+        margin = math.ceil(_DETOUR_M / self._walls.resolution_m)
         low = np.maximum(ends.min(axis=0) - margin, 0)
-        high = np.minimum(ends.max(axis=0) + margin + 1, self._walls.distance_m.shape)
+        high = ends.max(axis=0) + margin + 1
         away_m = self._walls.distance_m[low[0] : high[0], low[1] : high[1]] - self._needs_m
-        free = away_m >= 0.0
-        goal = _nearest(free, ends[1] - low)
-        before = np.full(free.size, -9999, dtype=np.int64)
-        if free.any():
-            at = int(np.ravel_multi_index(tuple(goal), free.shape))
+        before = np.full(away_m.shape, _GOAL - 1, dtype=np.int64)
+        if (away_m >= 0.0).any():
+            goal = _nearest(away_m >= 0.0, ends[1] - low)
+            at = int(np.ravel_multi_index(tuple(goal), before.shape))
             _, found = scipy.sparse.csgraph.dijkstra(
-                _joined(free, np.clip(1.0 - away_m / _CLEAR_M, 0.0, 1.0)),
-                directed=False,
-                indices=at,
-                return_predecessors=True,
+                _joined(away_m), directed=False, indices=at, return_predecessors=True
             )
-            before[:] = found
-            before[at] = -1
-        return np.stack([low, high]), before
+            before.flat[:] = found
+            before.flat[at] = _GOAL
+        return low, before
 
 
 def _nearest(free: np.ndarray, cell: IntArray) -> IntArray:
@@ -131,18 +125,17 @@ def _nearest(free: np.ndarray, cell: IntArray) -> IntArray:
     return nearest
 
 
-def _joined(free: np.ndarray, nearness: FloatArray) -> scipy.sparse.csr_matrix:
+def _joined(away_m: FloatArray) -> scipy.sparse.csr_matrix:
     """Costs of steps from each free cell to the next ones right, up, and up to either side."""
+    free, near = away_m >= 0.0, np.clip(1.0 - away_m / _CLEAR_M, 0.0, 1.0)
     number = np.arange(free.size).reshape(free.shape)
-    rows, columns, lengths = [], [], []
+    steps = []
     for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
         height, width = free.shape[0] - down, free.shape[1] - abs(right)
         first = slice(0, height), slice(max(0, -right), max(0, -right) + width)
         second = slice(down, down + height), slice(max(0, right), max(0, right) + width)
         both = free[first] & free[second]
-        rows.append(number[first][both])
-        columns.append(number[second][both])
-        near = 0.5 * (nearness[first] + nearness[second])[both]
-        lengths.append(math.hypot(down, right) * (1.0 + _CLEAR_WEIGHT * near))
-    ends = np.concatenate(rows), np.concatenate(columns)
-    return scipy.sparse.csr_matrix((np.concatenate(lengths), ends), shape=(free.size, free.size))
+        weight = 1.0 + _CLEAR_WEIGHT * 0.5 * (near[first] + near[second])[both]
+        steps.append((math.hypot(down, right) * weight, number[first][both], number[second][both]))
+    costs, starts, ends = (np.concatenate(each) for each in zip(*steps, strict=True))
+    return scipy.sparse.csr_matrix((costs, (starts, ends)), shape=(free.size, free.size))

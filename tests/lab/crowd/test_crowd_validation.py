@@ -26,7 +26,7 @@ def mean_speed_mps(crowd, settle_steps=400, steps=600):
 
 @pytest.mark.parametrize(("density_pm2", "bias_mps"), [(0.5, -0.08), (1.5, 0.19)])
 def test_walking_speed_falls_with_density_as_weidmann_measured(density_pm2, bias_mps):
-    """With a bias that is the model's own, as recorded corridors have one; it varies by 0.01 m/s."""
+    """With a bias that is the model's own, calibrated elsewhere; it varies by 0.01 m/s."""
     excess_mps = [
         mean_speed_mps(
             ring_corridor_crowd(

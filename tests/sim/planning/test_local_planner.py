@@ -19,6 +19,7 @@ from serd_sim.planning.local_planner import (
     make_planner,
 )
 from serd_sim.planning.settings import PlannerSettings
+from serd_sim.planning.sight import Sight
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import Obstacle
@@ -92,6 +93,20 @@ def test_the_robot_stops_at_the_waypoint_and_drives_the_same_after_a_reset(plann
 def test_a_waypoint_behind_a_wall_never_makes_the_robot_touch_it(planner, yaw_rad):
     poses, _ = drive(planner, (5.0, 8.0, yaw_rad), Waypoint(7.5, 8.0), 100)
     assert poses[:, 0].max() < 6.0 - HALLWAY.robot.radius_m
+
+
+def test_a_waypoint_that_a_wall_hides_is_driven_to_round_it_and_one_without_a_way_is_kept():
+    """The wall is longer than a rollout; the shorter way round it is on the right."""
+    wall = Obstacle(name="wall", outline_m=((1.0, 8.0), (4.0, 8.0), (4.0, 8.2), (1.0, 8.2)))
+    planner = make_planner(HALLWAY.model_copy(update={"obstacles": (wall,)}))
+    poses, _ = drive(planner, (3.0, 7.0, 0.0), Waypoint(3.0, 9.0), 160)
+    assert math.dist(poses[-1, :2], (3.0, 9.0)) < 0.12
+    beside = poses[np.abs(poses[:, 1] - 8.1) < 0.1]
+    assert (beside[:, 0] > 4.0 + HALLWAY.robot.radius_m).all()
+    closed = Obstacle(name="wall", outline_m=((-1.0, 8.0), (7.0, 8.0), (7.0, 8.2), (-1.0, 8.2)))
+    sight = Sight(HALLWAY.model_copy(update={"obstacles": (closed,)}))
+    for waypoint in (Waypoint(3.0, 9.0), Waypoint(3.0, -5.0), Waypoint(500.0, 9.0)):
+        assert sight.aim(observation_at(3.0, 7.0), waypoint) == waypoint
 
 
 def test_a_standing_person_in_the_way_is_never_touched_and_is_passed(planner):
