@@ -5,9 +5,10 @@ raster of wall distances, each joined with eight others.
 """
 
 import math
+from typing import Any
 
 import numpy as np
-import scipy
+import scipy  # loads sparse at its first use
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_sim.scenario.occupancy import wall_distance_raster
@@ -125,7 +126,7 @@ def _nearest(free: np.ndarray, cell: IntArray) -> IntArray:
     return nearest
 
 
-def _joined(away_m: FloatArray) -> scipy.sparse.csr_matrix:
+def _joined(away_m: FloatArray) -> Any:
     """Costs of steps from each free cell to the next ones right, up, and up to either side."""
     free, near = away_m >= 0.0, np.clip(1.0 - away_m / _CLEAR_M, 0.0, 1.0)
     number = np.arange(free.size).reshape(free.shape)

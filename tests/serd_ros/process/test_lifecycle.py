@@ -91,7 +91,7 @@ def test_parameters_follow_the_one_on_which_their_defaults_depend(managed):
         node = running.node
         before = node.get_parameter("max_vel_x").value
         assert running.set(max_vel_x=0.75 * before).successful
-        assert running.set(max_vel_x=0.5).successful
+        assert running.set(sim_time=1.5).successful
         assert node.get_parameter("max_vel_x").value == 0.75 * before
         refused = running.set(scenario="nowhere")
         assert not refused.successful

@@ -99,7 +99,7 @@ def test_a_waypoint_that_a_wall_hides_is_driven_to_round_it_and_one_without_a_wa
     """The wall is longer than a rollout; the shorter way round it is on the right."""
     wall = Obstacle(name="wall", outline_m=((1.0, 8.0), (4.0, 8.0), (4.0, 8.2), (1.0, 8.2)))
     planner = make_planner(HALLWAY.model_copy(update={"obstacles": (wall,)}))
-    poses, _ = drive(planner, (3.0, 7.0, 0.0), Waypoint(3.0, 9.0), 160)
+    poses, _ = drive(planner, (3.0, 7.0, 0.0), Waypoint(3.0, 9.0), 200)
     assert math.dist(poses[-1, :2], (3.0, 9.0)) < 0.12
     beside = poses[np.abs(poses[:, 1] - 8.1) < 0.1]
     assert (beside[:, 0] > 4.0 + HALLWAY.robot.radius_m).all()
