@@ -17,7 +17,7 @@ from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario
 from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.local_planner import make_planner
-from serd_sim.robot.contacts import ContactCounts
+from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.guard import Guard, GuardOutput
 from serd_sim.safety.reasons import Fault, GuardAction, Source
 from serd_sim.safety.settings import GuardSettings

@@ -24,7 +24,7 @@ from serd_sim.episodes.metrics import EpisodeMetrics, MetricsObserver
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import planner_in_world, require_people_source
 from serd_sim.planning.local_planner import make_planner
-from serd_sim.robot.contacts import ContactCounts
+from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import Scenario, load_scenario, scenario_content

@@ -19,7 +19,7 @@ from serd_sim.drivers.catalogue import Driver
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.local_planner import LocalPlanner
-from serd_sim.robot.contacts import ContactCounts
+from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.world_guard import CommandFilter, WorldGuard
 from serd_sim.scenario.grid import Area, is_at_goal
 from serd_sim.scenario.scenario import Scenario

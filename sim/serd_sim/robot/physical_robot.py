@@ -32,8 +32,7 @@ from serd_sim.robot.bullet import (
     pybullet,
     turned,
 )
-from serd_sim.robot.contacts import Touches
-from serd_sim.robot.robot import RobotState
+from serd_sim.robot.robot import RobotState, Touches
 from serd_sim.robot.urdf import conjugate, product, rotated, yaw_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command, limited_velocity

@@ -14,9 +14,8 @@ from serd_core.grid.grid import Grid
 from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
-from serd_sim.robot.contacts import ContactCounter, ContactCounts
 from serd_sim.robot.physical_robot import PhysicalRobot
-from serd_sim.robot.robot import KinematicRobot, standing_at
+from serd_sim.robot.robot import ContactCounter, ContactCounts, KinematicRobot, standing_at
 from serd_sim.robot.sensors import Lidar, Odometry
 from serd_sim.scenario.grid import Area, grid_of, is_at_goal, start_states_of
 from serd_sim.scenario.polygon import distance_to_segments_m

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.perception.lidar_people import LidarPeople
 from serd_sim.perception.scan_people import (
     FASTEST_MPS,
+    LidarPeople,
     PeopleTracker,
     ScanPerception,
     people_in_scan,

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from serd_files.errors import USER_ERRORS
 from serd_sim.crowd.robots import RobotBody
-from serd_sim.robot.contacts import ContactCounter, ContactCounts, Touches
-from serd_sim.robot.robot import standing_at
+from serd_sim.robot.robot import ContactCounter, ContactCounts, Touches, standing_at
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.command import STOP, Command, limited_velocity
