@@ -26,24 +26,15 @@ _ONE_PLANNER = "the dynamic window planner is the only one (docs/planners.md); l
 _JOBLIB = "batches run on the processes of this machine; leave it out"
 #: Keys of a planner that has left, with their defaults, which files of older versions have.
 _MPPI = {
-    "batch_size": 300,
-    "time_steps": 14,
-    "model_dt": 0.1,
-    "temperature": 0.08,
-    "vx_std": 2.0,
-    "wz_std": 6.0,
-}
+    "batch_size": 300, "time_steps": 14, "model_dt": 0.1,
+    "temperature": 0.08, "vx_std": 2.0, "wz_std": 6.0,
+}  # fmt: skip
 
 _FIXED = "it is fixed now (docs/safety.md); leave it out"
 _OF_GUARD = (
-    "clock_jump",
-    "vanished_hold",
-    "frozen_messages",
-    "unseen_people",
-    "people_look",
-    "consistency_window",
-    "second_look",
-)
+    "clock_jump", "vanished_hold", "frozen_messages", "unseen_people", "people_look",
+    "consistency_window", "second_look",
+)  # fmt: skip
 
 _EVENTS = (
     "a decision ends where the robot enters another cell, or after patience_s (docs/scenarios.md)"

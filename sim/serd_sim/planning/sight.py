@@ -85,8 +85,8 @@ class Sight:
         if following[at] < _GOAL:
             return np.zeros((0, 2))
         cells = np.stack(np.unravel_index(way, before.shape), axis=1) + low
-        way_m: FloatArray = (cells[:, ::-1] + 0.5) * self._walls.resolution_m
-        return way_m + self._walls.origin_m
+        way_m = self._walls.origin_m + (cells[:, ::-1] + 0.5) * self._walls.resolution_m
+        return np.asarray(way_m, dtype=np.float64)
 
     def _cell_of(self, place: FloatArray) -> IntArray:
         """Row and column of the raster under a place."""
