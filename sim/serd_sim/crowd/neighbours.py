@@ -95,8 +95,11 @@ class Neighbours:
                 return
         from scipy.spatial import cKDTree  # here, for it takes 0.2 s of every node's start
 
-        box = [self._period_m, 0.0] if self._period_m > 0.0 else None
-        pairs = cKDTree(places, boxsize=box).query_pairs(
+        box, on_ring = None, places.copy()
+        if self._period_m > 0.0:
+            box = [self._period_m, 0.0]
+            on_ring[on_ring[:, 0] >= self._period_m, 0] = 0.0  # rounded up by the modulus
+        pairs = cKDTree(on_ring, boxsize=box).query_pairs(
             self._reach_m + _MARGIN_M, output_type="ndarray"
         )
         self._found_at = places

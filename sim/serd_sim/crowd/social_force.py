@@ -111,6 +111,7 @@ class HelbingMolnar1995(SocialForceModel):
     within the angle of sight, `rear_weight` outside. Walls: U0 exp(-d / R).
     """
 
+    people_reach_m: float = 6.0
     potential_m2ps2: float = 2.1
     decay_m: float = 0.3
     stride_s: float = 2.0

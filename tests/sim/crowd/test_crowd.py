@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from serd_sim.crowd import neighbours
 from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.robots import RobotBody, headings_around
 from serd_sim.crowd.routes import Routes
@@ -93,6 +94,23 @@ def test_people_are_pushed_away_from_where_the_other_one_will_be():
     crowd.step(1e-6)
     assert (crowd.velocity_x_mps[0] - 1.34) / 1e-6 == pytest.approx(0.0, abs=0.01)
     assert crowd.velocity_y_mps[0] / 1e-6 < -5.0
+
+
+@pytest.mark.parametrize(
+    ("model", "period_m"),
+    [("collision_prediction", 0.0), ("collision_prediction", 12.0), ("helbing_molnar_1995", 0.0)],
+)
+def test_many_people_walk_as_if_all_were_paired(monkeypatch, model, period_m):
+    """What is left out beyond the reach of 4 m is below a tenth of a millimetre in a second."""
+    rng = np.random.default_rng(3)
+    place, goal = rng.uniform(0, 12, (80, 2)), rng.uniform(20, 40, (80, 2))
+    walks = []
+    for few in (60, 1000):
+        monkeypatch.setattr(neighbours, "_FEW", few)
+        crowd = crowd_at(model, place, goal, period_m=period_m)
+        crowd.x_m[0] = period_m
+        walks.append(walk(crowd, 20, RobotBody(6.0, 6.0, 0.5, 0.0, 0.25)))
+    np.testing.assert_allclose(*walks, atol=1e-4)
 
 
 def test_the_published_model_pushes_along_the_gradient_of_its_elliptic_potential():
