@@ -242,6 +242,15 @@ def has_backed_off(scenario, **place):
     return BACK in [planner.step(standing_at(t, **place), AHEAD) for t in quarters(45)]
 
 
+@pytest.mark.parametrize(
+    ("x_m", "yaw_rad", "backs_off"),
+    [(5.42, math.pi, False), (5.38, math.pi, True), (5.7, 0.0, True), (5.68, -math.pi / 2, True)],
+)
+def test_a_wall_is_behind_where_the_disc_would_reach_it(x_m, yaw_rad, backs_off):
+    """The hallway ends at x = 6 m."""
+    assert has_backed_off(HALLWAY, x_m=x_m, yaw_rad=yaw_rad) == backs_off
+
+
 def test_a_robot_backs_off_until_a_person_comes_behind_it_and_then_has_a_new_allowance():
     planner = RecoveringPlanner(PushingPlanner(), HALLWAY)
     commands = {
