@@ -32,7 +32,7 @@ from serd_cli.output.terminal import console, counting_bar, print_json
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import driver_names
-from serd_sim.episodes.execution import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeSettings, WorldSettings
 from serd_sim.scenario.grid import point_of
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import Scenario, load_scenario

@@ -10,7 +10,7 @@ from serd_cli.options import AsJson, free_folder, opt, resolved_scenario, valida
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel
 from serd_ros.settings import PageConfig
-from serd_sim.episodes.execution import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeSettings, WorldSettings
 
 
 class TeleopSettings(StrictModel):

@@ -10,7 +10,7 @@ from serd_files.episode_table import EpisodeResult, load_episodes
 from serd_files.settings import setting, setting_of
 from serd_files.table import Column, append_row, read_table
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
-from serd_sim.episodes.execution import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 
 _TIMES = Column("phase", str), Column("wall_s", float)
 

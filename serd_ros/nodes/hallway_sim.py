@@ -21,8 +21,7 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, FramesConfig, StackConfig
-from serd_sim.episodes.episode import EpisodeStart
-from serd_sim.episodes.execution import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeSettings, EpisodeStart, WorldSettings
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import with_goal
 from serd_sim.scenario.scenario import load_scenario

@@ -29,7 +29,7 @@ from serd_ros.endpoints.observation import ObservationSource
 from serd_ros.graph.readiness import Readiness
 from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
-from serd_sim.episodes.execution import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.perception.scanning_planner import ScanMatcher
 from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner, make_planner
 from serd_sim.planning.settings import PlannerSettings

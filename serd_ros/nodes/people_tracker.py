@@ -17,7 +17,7 @@ from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.observation import ObservationSource, follow_scans
 from serd_ros.process.lifecycle import Activate, Activity, ManagedNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
-from serd_sim.episodes.execution import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.perception.scan_people import WALL_MARGIN_M, LidarPeople
 from serd_sim.safety.reasons import Fault, Reason, Source
 from serd_sim.safety.settings import GuardSettings
