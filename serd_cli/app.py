@@ -31,7 +31,7 @@ COMMANDS = {
     "navigate": "Drive by a learned model; compare predicted and measured arrival.",
     "report": "Write the page of a learned model, and score trajectories by it.",
     "scenario": "List, draw and film scenarios, and write your own.",
-    "batch": "Run every combination of scenarios, policies, planners and seeds.",
+    "batch": "Run every combination of scenarios, policies and seeds.",
     "launch": "Start a stack of nodes.",
     "run": "Run one node, as `ros2 run` does.",
     "doctor": "Check what is installed and works; name the command to mend it.",

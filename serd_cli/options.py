@@ -13,7 +13,7 @@ from typer.core import TyperCommand
 
 from serd_bag.errors import disk_errors
 from serd_cli.errors import UsageError
-from serd_sim.episodes.execution import BACKENDS, Execution
+from serd_sim.episodes.execution import Execution
 from serd_sim.scenario.names import scenario_file, suite_names
 
 if TYPE_CHECKING:
@@ -66,8 +66,6 @@ def _listed(given: Any) -> list[Any]:
 EXECUTION = Execution()
 AsJson = Annotated[bool, opt("print JSON instead of text", "--json")]
 Jobs = Annotated[int, opt("processes at a time, -1 for all cores")]
-Backend = Annotated[str, opt(", ".join(BACKENDS))]
-Address = Annotated[str, opt("of a running Dask scheduler; else a local cluster is started")]
 
 
 def _command_class(function: Callable[..., None]) -> type[TyperCommand]:

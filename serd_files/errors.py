@@ -7,7 +7,6 @@ from serd_core.errors import SerdError
 USER_ERRORS = (SerdError, FileError)
 #: The extra of `serd` that installs a library.
 _EXTRA_OF = {
-    "imageio_ffmpeg": "movie",
     "matplotlib": "sim",
     "pybullet": "sim",
     "pybullet_utils": "sim",

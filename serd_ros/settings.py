@@ -5,7 +5,7 @@ from typing import Any, Literal, TypeVar
 
 from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import StrictModel
-from serd_sim.episodes.settings import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.safety.settings import LidarPlace
 
 # A ROS parameter cannot be an empty list: [""] stands for none.

@@ -23,7 +23,7 @@ from serd_core.demonstrations.crossings import CellTracker
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.waypoint import waypoint_of_intent
@@ -139,7 +139,7 @@ def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None
     with closing(server), chromium(**size) as browser, HallwayWorld(HALLWAY, seed=1) as world:
         browser.get(server.url)
         driver = make_driver("expert", HALLWAY, 1)
-        run_episode(world, make_planner("dwa", HALLWAY), driver, episode=0, observer=see)
+        run_episode(world, make_planner(HALLWAY), driver, episode=0, observer=see)
         if layers is not None:
             server.show_overlay(layers)
             wait_until(lambda: browser.find_elements("css selector", "[data-layer=policy]"))

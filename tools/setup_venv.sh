@@ -5,8 +5,8 @@ set -euo pipefail
 : "${PYTHON:?}" "${VENV:?}"
 case "${1:-run}" in
   run) what="what it needs to run"; extras="sim"; lab=() ;;
-  all) what="what developers need"; extras="sim,movie,workspace,dev"; lab=(-e ./lab) ;;
-  docs) what="what the site needs"; extras="sim,movie,workspace,dev,docs"; lab=(-e ./lab) ;;
+  all) what="what developers need"; extras="sim,workspace,dev"; lab=(-e ./lab) ;;
+  docs) what="what the site needs"; extras="sim,workspace,dev,docs"; lab=(-e ./lab) ;;
   *) echo "setup: name run, all or docs, got $1" >&2; exit 2 ;;
 esac
 projects=(-e ./serd_core -e ./bags -e ".[$extras]" "${lab[@]}")

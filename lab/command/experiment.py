@@ -15,7 +15,7 @@ from lab.experiments.running.experiment import Experiment, Session, settings_of_
 from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import print_results
 from serd_bag.files import require_folder
-from serd_cli.options import EXECUTION, Address, Backend, Jobs, with_parameters
+from serd_cli.options import EXECUTION, Jobs, with_parameters
 from serd_cli.output.terminal import counting_bar, results_kept_in
 from serd_files.settings import Setting, settings_of
 from serd_sim.episodes.execution import Execution
@@ -29,14 +29,12 @@ def command_of(experiment: Experiment) -> Callable[..., None]:
     def command(
         output: Annotated[Path, typer.Option(help="folder for tables and figures")] = folder,
         jobs: Jobs = EXECUTION.n_jobs,
-        backend: Backend = EXECUTION.backend,
-        address: Address = EXECUTION.address,
         config: Annotated[Path | None, typer.Option(help="YAML file of settings")] = None,
         **texts: str | None,
     ) -> None:
         given = settings_of_file(config) if config is not None else {}
         given |= {name: text for name, text in texts.items() if text is not None}
-        execution = Execution(jobs, backend, address)
+        execution = Execution(jobs)
         words = _words(experiment, config, texts, execution, output)
         made = experiment.make_config(given)
         require_folder(output)
@@ -68,8 +66,7 @@ def _words(
     words += ["--config", str(config)] if config is not None else []
     for name, text in texts.items():
         words += [_flags(name)[0], text] if text is not None else []
-    words += ["--jobs", str(execution.n_jobs), "--backend", execution.backend]
-    words += ["--address", execution.address] if execution.address else []
+    words += ["--jobs", str(execution.n_jobs)]
     return shlex.join([*words, "--output", str(output)])
 
 

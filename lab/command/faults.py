@@ -14,13 +14,12 @@ from lab.faults.faults import FAULTS
 from lab.faults.figure import FaultWays, draw_fault_ways
 from serd_app.report.style import save_figure
 from serd_cli.commands.batch import MOST_SEEDS
-from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs
+from serd_cli.options import EXECUTION, AsJson, Jobs
 from serd_cli.output.terminal import console, finite_values, print_json, run_episodes
 from serd_files.table import Row
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.batch import EpisodeTask, run_batch
 from serd_sim.episodes.execution import Execution
-from serd_sim.planning.catalogue import planner_names
 
 _PRINTED = ["fault", "guarded", "n_episodes", "n_stood", "mean_zero_s", "mean_stood_s"]
 _PRINTED += ["largest_stood_s", "mean_stood_m", "largest_stood_m", "largest_later_m"]
@@ -34,7 +33,6 @@ def faults(
     ] = None,
     scenario: Annotated[str, typer.Option(help="built-in scenario or YAML file")] = "hallway",
     people: Annotated[int, typer.Option(help="number of people")] = 60,
-    planner: Annotated[str, typer.Option(help=" or ".join(planner_names()))] = EpisodeTask.planner,
     policy: Annotated[
         str, typer.Option(help=f"{', '.join(driver_names())} or a learned model's file")
     ] = EpisodeTask.driver,
@@ -43,8 +41,6 @@ def faults(
     ] = 20,
     first_seed: Annotated[int, typer.Option(min=0, help="seed of the first episode")] = 1,
     jobs: Jobs = EXECUTION.n_jobs,
-    backend: Backend = EXECUTION.backend,
-    address: Address = EXECUTION.address,
     as_json: AsJson = False,
 ) -> None:
     """Measure how soon the robot stands when an input fails at full speed.
@@ -54,9 +50,9 @@ def faults(
     Writes a row per episode, with what the robot touched, and a picture beside the table. Rerun an
     interrupted command to resume it.
     """
-    condition = EpisodeTask(scenario, 0, n_people=people, planner=planner, driver=policy)
+    condition = EpisodeTask(scenario, 0, n_people=people, driver=policy)
     tasks = tasks_of(fault or FAULTS, condition, range(first_seed, first_seed + seeds))
-    execution = Execution(jobs, backend, address)
+    execution = Execution(jobs)
     rows = run_episodes(
         output,
         lambda seen: run_batch(

@@ -24,7 +24,7 @@ from lab.experiments.study.people.tables import headline as people_headline
 from lab.experiments.study.products import OnWork
 from lab.experiments.study.settings import study_settings
 from serd_bag.files import require_folder
-from serd_cli.options import EXECUTION, Address, Backend, Jobs
+from serd_cli.options import EXECUTION, Jobs
 from serd_cli.output.terminal import WorkProgress, results_kept_in
 from serd_files.trajectories.columns import TableColumns
 from serd_files.yaml_config import load_yaml_model
@@ -48,8 +48,6 @@ def hallway(
     quick: Quick = False,
     config: Annotated[Path | None, _config_of("hallway")] = None,
     jobs: Jobs = EXECUTION.n_jobs,
-    backend: Backend = EXECUTION.backend,
-    address: Address = EXECUTION.address,
 ) -> None:
     """Navigation in a populated hallway: who learns what, and what arrives when (chapter 5).
 
@@ -60,7 +58,7 @@ def hallway(
     folder = _folder("hallway", output, quick=quick)
     settings = study_settings(quick=quick, config=config)
     command = _command("hallway", (), folder, quick=quick, config=config)
-    tables = _run(run_study, settings, folder, Execution(jobs, backend, address), command)
+    tables = _run(run_study, settings, folder, Execution(jobs), command)
     title = f"Learned from {settings.learning.sizes[-1]} demonstrations"
     _show(headline(tables), title, folder)
 
@@ -70,8 +68,6 @@ def detour(
     quick: Quick = False,
     config: Annotated[Path | None, _config_of("detour")] = None,
     jobs: Jobs = EXECUTION.n_jobs,
-    backend: Backend = EXECUTION.backend,
-    address: Address = EXECUTION.address,
 ) -> None:
     """A ring corridor where the short way leads against the flow, which demonstrations avoid.
 
@@ -82,7 +78,7 @@ def detour(
     folder = _folder("detour", output, quick=quick)
     settings = detour_settings(quick=quick, config=config)
     command = _command("detour", (), folder, quick=quick, config=config)
-    tables = _run(run_detour, settings, folder, Execution(jobs, backend, address), command)
+    tables = _run(run_detour, settings, folder, Execution(jobs), command)
     title = "Transfer task against the flow, reward without norm"
     _show(detour_headline(tables), title, folder)
 
@@ -98,8 +94,6 @@ def people(
         Path | None, typer.Option(help="YAML file with columns, fps and unit of the tables")
     ] = None,
     jobs: Jobs = EXECUTION.n_jobs,
-    backend: Backend = EXECUTION.backend,
-    address: Address = EXECUTION.address,
 ) -> None:
     """Pedestrians of measured corridors as experts: their next moves and times of arrival.
 
@@ -112,7 +106,7 @@ def people(
     settings = people_settings(files, mapping=columns, quick=quick, config=config)
     own = [*map(str, files), *(["--mapping", str(mapping)] if mapping is not None else [])]
     command = _command("people", own, folder, quick=quick, config=config)
-    tables = _run(run_people, settings, folder, Execution(jobs, backend, address), command)
+    tables = _run(run_people, settings, folder, Execution(jobs), command)
     _show(people_headline(tables), "People held out", folder)
 
 

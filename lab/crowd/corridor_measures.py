@@ -145,7 +145,7 @@ def measure_recording(
 def measure_simulation(
     density_pm2: float,
     *,
-    model_name: str = "circular_anisotropic",
+    model_name: str = "collision_prediction",
     width_m: float = 4.0,
     share_backwards: float = 0.5,
     keep_right: bool = True,

@@ -25,7 +25,7 @@ def ring_corridor_crowd(
     density_pm2: float,
     share_backwards: float = 0.0,
     keep_right: bool = False,
-    model_name: str = "circular_anisotropic",
+    model_name: str = "collision_prediction",
     rng: np.random.Generator,
 ) -> Crowd:
     """Crowd of round(density * area) people on a jittered lattice; a share walks towards -x.

@@ -16,21 +16,17 @@ from serd_sim.drivers.catalogue import Driver, make_driver
 from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
 from serd_sim.episodes.episode import EpisodeProgress
 from serd_sim.perception.scanning_planner import ScanMatcher
-from serd_sim.planning.catalogue import make_planner
-from serd_sim.robot.contacts import ContactCounts
+from serd_sim.planning.local_planner import make_planner
+from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.guard import Guard, GuardOutput
 from serd_sim.safety.reasons import Fault, GuardAction, Source
 from serd_sim.safety.settings import GuardSettings
 from serd_sim.safety.world_guard import Message, guarded, published
-from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.directive import REPEAT_PERIOD_S, FollowedDirective
 from serd_sim.world.epochs import epochs_in
-from serd_sim.world.observation import Observation
-from serd_sim.world.observation_inbox import ObservationInbox
-from serd_sim.world.seeds import FAULT, episode_rng
-from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
+from serd_sim.world.observation import FAULT, Observation, ObservationInbox, episode_rng
+from serd_sim.world.waypoint import REPEAT_PERIOD_S, FollowedDirective, Waypoint, waypoint_of_intent
 from serd_sim.world.world import HallwayWorld
 
 #: A fault begins when the robot drives at this share of its largest speed, after this time (s).
@@ -108,12 +104,12 @@ def run_fault(task: FaultTask) -> Row:
 class _LivePlanner:
     """The local planner of the live stack: it plans on the newest complete observation."""
 
-    def __init__(self, scenario: Scenario, planner: str, people_from: str) -> None:
+    def __init__(self, scenario: Scenario, people_from: str) -> None:
         self._scans = ScanMatcher(scenario) if people_from == "scan" else None
-        made = make_planner(planner, scenario)
+        made = make_planner(scenario)
         self._planner = self._scans.planner_on(made) if self._scans else made
-        self._grid = grid_of(scenario)
-        self._epochs = epochs_in(scenario, self._grid)
+        self._cells = scenario.cells
+        self._epochs = epochs_in(scenario, self._cells.grid)
         self._followed = FollowedDirective(scenario)
         self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
         self._arrived_s = -math.inf
@@ -147,7 +143,7 @@ class _LivePlanner:
             return False
         action = driver.decide(observation, self._epochs.state)
         self._epochs.take(observation.time_s, action)
-        self._directed = waypoint_of_intent(self._grid, observation, action)
+        self._directed = waypoint_of_intent(self._cells, observation, action)
         self.repeat()
         return True
 
@@ -198,7 +194,7 @@ class _FaultyEpisode:
         scenario = world.scenario
         self._world, self._task, self._kind = world, task, fault_named(task.fault)
         self._driver = make_driver(task.driver, scenario, task.seed)
-        self._planner = _LivePlanner(scenario, task.planner, task.people_from)
+        self._planner = _LivePlanner(scenario, task.people_from)
         settings = GuardSettings.of_scenario(scenario, task.people_from)
         self._guard = Guard(settings, scenario.wall_segments_m) if task.guarded else None
         rng = episode_rng(task.seed, task.episode, FAULT)

@@ -1,7 +1,6 @@
 """One episode as a movie or as one moment of it: what `serd scenario film` does."""
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +9,15 @@ from serd_bag.files import require_file_place
 from serd_sim.drivers.catalogue import make_driver
 from serd_sim.episodes.batch import EpisodeTask, scenario_of
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
-from serd_sim.pictures.movie import MOVIE_WRITERS, Frame, save_png, with_caption
-from serd_sim.pictures.scene import SceneView
-from serd_sim.pictures.top_view import TopView
-from serd_sim.planning.catalogue import planner_in_world
+from serd_sim.episodes.film import TopView, save_gif, save_png
+from serd_sim.perception.scanning_planner import planner_in_world
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 from serd_sim.world.world import HallwayWorld
 
 #: Endings of the files that can be written.
-SUFFIXES = (".png", *MOVIE_WRITERS)
-#: Of a movie, and of the view from above.
+SUFFIXES = (".png", ".gif")
+#: Of a movie, and of its view from above.
 FRAMES_PER_S, PIXELS_PER_M = 10.0, 24.0
 Track = Callable[[Sequence[int]], Iterable[int]]
 
@@ -29,27 +26,23 @@ def film(
     task: EpisodeTask,
     output: Path,
     *,
-    view: str = "top",
     speed: float = 4.0,
     at_s: float | None = None,
     track: Track = iter,
 ) -> EpisodeRecord:
     """Drive the episode and draw it; what became of it.
 
-    output: of `SUFFIXES`. view: top, overview or chase. speed: of a movie, times real time. at_s:
-    the moment of a picture, its end when None. track: passes on the ticks that are drawn.
+    output: of `SUFFIXES`. speed: of a movie, times real time. at_s: the moment of a picture, its
+    end when None. track: passes on the ticks that are drawn.
     """
     require_file_place(output)
     place = scenario_of(task.scenario, task.n_people)
     record, seen = _drive(task, place)
-    with ExitStack() as stack:
-        drawn: TopView | SceneView = TopView(place, PIXELS_PER_M)
-        if view != "top":
-            drawn = stack.enter_context(closing(SceneView(place, chasing=view == "chase")))
-        if output.suffix.lower() == ".png":
-            _write_moment(drawn, seen, place, output, at_s)
-        else:
-            _write_movie(drawn, seen, place, output, speed, track)
+    drawn = TopView(place, PIXELS_PER_M)
+    if output.suffix.lower() == ".png":
+        _write_moment(drawn, seen, output, at_s)
+    else:
+        _write_movie(drawn, seen, place, output, speed, track)
     return record
 
 
@@ -57,7 +50,7 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, list[O
     driver = make_driver(task.driver, scenario, task.seed)
     with HallwayWorld(scenario, seed=task.seed) as world:
         seen: list[Observation] = []
-        planner = planner_in_world(task.planner, world, task.people_from)
+        planner = planner_in_world(world, task.people_from)
         record = run_episode(
             world,
             planner,
@@ -70,20 +63,16 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, list[O
 
 
 def _write_moment(
-    drawn: TopView | SceneView,
-    seen: list[Observation],
-    scenario: Scenario,
-    output: Path,
-    at_s: float | None,
+    drawn: TopView, seen: list[Observation], output: Path, at_s: float | None
 ) -> None:
     times_s = np.array([each.time_s for each in seen])
     last = len(seen) - 1
     tick = last if at_s is None else min(int(np.searchsorted(times_s, times_s[0] + at_s)), last)
-    save_png(_captioned(drawn, seen, tick, scenario.name), output)
+    save_png(drawn.frame_at(seen, tick), output)
 
 
 def _write_movie(
-    drawn: TopView | SceneView,
+    drawn: TopView,
     seen: list[Observation],
     scenario: Scenario,
     output: Path,
@@ -94,12 +83,5 @@ def _write_movie(
     last, period_s = len(seen) - 1, scenario.control_period_s
     step = max(1, round(speed / (FRAMES_PER_S * period_s)))
     ticks = track([*range(0, last, step), last])
-    frames = (_captioned(drawn, seen, tick, scenario.name, f", x{speed:g}") for tick in ticks)
-    MOVIE_WRITERS[output.suffix.lower()](frames, output, speed / (step * period_s))
-
-
-def _captioned(
-    drawn: TopView | SceneView, seen: list[Observation], tick: int, name: str, times: str = ""
-) -> Frame:
-    passed_s = seen[tick].time_s - seen[0].time_s
-    return with_caption(drawn.frame_at(seen, tick), f"{name}, {passed_s:.1f} s{times}")
+    frames = (drawn.frame_at(seen, tick) for tick in ticks)
+    save_gif(frames, output, speed / (step * period_s))

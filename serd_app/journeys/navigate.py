@@ -18,11 +18,9 @@ from serd_bag.files import read_text, require_folder
 from serd_core.grid.grid import Action
 from serd_files.table import EpisodeResult, load_episodes, write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
-from serd_sim.episodes.episode import run_episode
-from serd_sim.episodes.result import result_of_record
-from serd_sim.planning.catalogue import make_planner
-from serd_sim.scenario.goal import with_goal
-from serd_sim.scenario.grid import grid_of, start_states_of
+from serd_sim.episodes.episode import result_of_record, run_episode
+from serd_sim.planning.local_planner import make_planner
+from serd_sim.scenario.grid import grid_of, start_states_of, with_goal
 from serd_sim.scenario.scenario import scenario_digest
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
@@ -56,7 +54,7 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
     own = settings.place()
     scenario = with_goal(own, settings.goal)
     start_states_of(scenario, grid_of(scenario), settings.start_area)
-    make_planner(settings.planner, scenario)
+    make_planner(scenario)
     navigator = Navigator(own, settings)
     strategy = navigator.strategy
     if output is not None:
@@ -138,7 +136,7 @@ def drive(
         return not navigator.reason
 
     with HallwayWorld(navigator.strategy.scenario, seed=settings.seed) as world:
-        planner = make_planner(settings.planner, navigator.strategy.scenario)
+        planner = make_planner(navigator.strategy.scenario)
         for episode in range(len(results), settings.episodes):
             began_s = time.monotonic()
             record = run_episode(

@@ -27,7 +27,7 @@ from serd_bag.files import require_folder
 from serd_files.model_file import ModelFile, load_model, require_grid
 from serd_files.table import EpisodeResult, load_episodes
 from serd_sim.drivers.strategy import Strategy, load_strategy
-from serd_sim.scenario.goal import goal_cell
+from serd_sim.scenario.grid import goal_cell
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.epochs import decisions_of
 

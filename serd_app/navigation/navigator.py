@@ -24,7 +24,7 @@ from serd_files.model_file import ModelFile, load_model
 from serd_files.table import EpisodeResult, OptionalFloat, append_row, columns_of
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.drivers.strategy import STEP_S, Strategy, load_strategy
-from serd_sim.scenario.goal import goal_at, with_goal
+from serd_sim.scenario.grid import goal_at, with_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 

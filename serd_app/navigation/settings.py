@@ -3,7 +3,7 @@
 from typing import Literal
 
 from serd_files.settings import setting, setting_of
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeSettings, WorldSettings
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
 PolicyKind = Literal["optimal", "soft"]

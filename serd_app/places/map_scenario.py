@@ -17,9 +17,9 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import Grid
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import yaml_model
-from serd_sim.scenario.goal import cell_area_m, goal_cell
-from serd_sim.scenario.grid import grid_of
-from serd_sim.scenario.polygon import contains, edges_of, walkable_cells
+from serd_sim.scenario.cells import cells_with_clearance
+from serd_sim.scenario.grid import cell_area_m, goal_cell, grid_of
+from serd_sim.scenario.polygon import contains, edges_of
 from serd_sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
@@ -123,13 +123,13 @@ def _grid_of_area(area: shapely.Polygon, settings: PlaceSettings) -> Grid:
         require_cell_count(outline, cell_m)
     except ValueError as error:
         raise AppError(str(error)) from None
-    cells = walkable_cells(outline, solids, cell_m, clearance_m)
+    cells = cells_with_clearance(outline, solids, cell_m, clearance_m)
     if not cells.walkable.any():
         raise AppError(
             f"cell_size_m must leave a walkable cell, but no centre of cells of {cell_m:g} m is"
             f" {clearance_m:g} m or more from all walls; lower it or robot_radius_m"
         )
-    return Grid(cells.origin_m, cells.cell_size_m, cells.walkable)
+    return cells.grid
 
 
 def grid_scenario(
@@ -164,6 +164,7 @@ def grid_scenario(
             name=name,
             source="The cells of a grid that was fitted to recordings",
             cell_size_m=cell_m,
+            clearance=f"cell_clearance_m: {0.1 * cell_m!r}\n",
             patience_s=patience_s,
             wait_s=wait_s,
             radius_m=radius_m,

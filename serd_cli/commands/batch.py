@@ -14,15 +14,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.table import Table
 
 from serd_cli.errors import UsageError
-from serd_cli.options import EXECUTION, Address, AsJson, Backend, Jobs, opt
+from serd_cli.options import EXECUTION, AsJson, Jobs, opt
 from serd_cli.output.terminal import console, finite_values, print_json, run_episodes, table_of
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.execution import Execution
-from serd_sim.planning.catalogue import planner_names
 from serd_sim.scenario.names import scenario_suite, suite_names
 
 if TYPE_CHECKING:
-    from serd_sim.episodes.batch_summary import ConditionSummary
+    from serd_sim.episodes.batch import ConditionSummary
 
 #: All episodes of a table are listed in memory before the first is run.
 MOST_SEEDS = 100_000
@@ -32,7 +31,6 @@ Scenarios = Annotated[
     list[str], opt(f"built-in scenario, YAML file, or suite: {', '.join(suite_names())}; repeat")
 ]
 Policies = Annotated[Texts, opt(f"{', '.join(driver_names())} or a learned model's file; repeat")]
-Planners = Annotated[Texts, opt(f"{', '.join(planner_names())}; repeat")]
 People = Annotated[list[int] | None, opt("number of people, else the scenario's own; repeat")]
 StartAreas = Annotated[Texts, opt("where the robot starts, default train; repeat")]
 Sources = Annotated[Texts, opt("given: people as they are; scan: from the lidar alone; repeat")]
@@ -43,7 +41,6 @@ def batch(
     output: Annotated[Path, opt("table of episodes, ending in .csv")],
     scenario: Scenarios,
     policy: Policies = None,
-    planner: Planners = None,
     people: People = None,
     start_area: StartAreas = None,
     people_from: Sources = None,
@@ -51,13 +48,10 @@ def batch(
     seeds: Annotated[int, opt("episodes of each, seeds first-seed and up")] = 20,
     first_seed: Annotated[int, opt("seed of the first episode")] = 1,
     jobs: Jobs = EXECUTION.n_jobs,
-    backend: Backend = EXECUTION.backend,
-    address: Address = EXECUTION.address,
     as_json: AsJson = False,
 ) -> None:
     """Parse the options, run the episodes and print their summary."""
-    from serd_sim.episodes.batch import EpisodeTask, run_batch
-    from serd_sim.episodes.batch_summary import summarise
+    from serd_sim.episodes.batch import EpisodeTask, run_batch, summarise
 
     choices = (
         [name for each in scenario for name in scenario_suite(each) or [each]],
@@ -65,13 +59,12 @@ def batch(
         [0],
         [*people] if people else [None],
         start_area or [EpisodeTask.start_area],
-        planner or [EpisodeTask.planner],
         policy or ["expert"],
         people_from or [EpisodeTask.people_from],
         [int(guard)],
     )
     tasks = starmap(EpisodeTask, product(*choices))
-    run = partial(run_batch, tasks, output, execution=Execution(jobs, backend, address))
+    run = partial(run_batch, tasks, output, execution=Execution(jobs))
     summaries = summarise(run_episodes(output, lambda show: run(on_progress=show)))
     if as_json:
         print_json({"conditions": summary_values(summaries), "table": str(output.resolve())})
@@ -121,7 +114,4 @@ def _condition(summary: "ConditionSummary") -> str:
     people = "" if summary.n_people is None else f", {summary.n_people} people"
     seen = ", from scans" if summary.people_from == "scan" else ""
     seen += "" if summary.guarded else ", without guard"
-    return (
-        f"{summary.scenario}{people}, from {summary.start_area}: "
-        f"{summary.driver} by {summary.planner}{seen}"
-    )
+    return f"{summary.scenario}{people}, from {summary.start_area}: {summary.driver}{seen}"

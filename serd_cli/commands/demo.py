@@ -21,7 +21,7 @@ from serd_files.settings import setting, setting_of
 from serd_files.table import EpisodeResult, load_episodes
 from serd_files.yaml_config import save_yaml_model
 from serd_ros.settings import WatchPageConfig
-from serd_sim.episodes.settings import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.scenario.scenario import load_scenario
 
 

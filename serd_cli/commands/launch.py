@@ -1,4 +1,4 @@
-"""serd launch live seed:=3 local_planner.planner:=dwa
+"""serd launch live seed:=3 local_planner.max_vel_x:=0.5
 serd launch goto namespace:=robot1 goal:=12,18 model:=model.yaml
 
 Without a stack all stacks are listed. When one of the nodes ends, all end. Ctrl-C ends all.

@@ -68,7 +68,7 @@ def learn(
     from serd_app.learning.outcome import outcome_files
     from serd_cli.output.fit import fit_progress, learned_values, print_learned
     from serd_cli.output.terminal import print_json
-    from serd_sim.scenario.goal import point_of
+    from serd_sim.scenario.grid import point_of
 
     read: list[str | Path] = [*files_beside(table).values(), scenario]
     require_apart(output, outcome_files(output).values(), read)

@@ -38,7 +38,7 @@ def report(
     from serd_app.journeys.report import report as write
     from serd_app.report.write import summary_rows
     from serd_cli.output.terminal import console, print_json
-    from serd_sim.scenario.goal import point_of
+    from serd_sim.scenario.grid import point_of
 
     starts_m = tuple(point_of(each, what="start") for each in start or ())
     sources = ReportSources(model, scenario, demonstrations, episodes, starts_m, policy)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,9 +23,8 @@ from serd_cli.options import (
 )
 from serd_cli.output.terminal import console, counting_bar, facts_table, print_json, table_of
 from serd_sim.drivers.catalogue import driver_names
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
-from serd_sim.scenario.goal import point_of
-from serd_sim.scenario.grid import grid_of
+from serd_sim.episodes.episode import EpisodeSettings, WorldSettings
+from serd_sim.scenario.grid import grid_of, point_of
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
@@ -43,10 +42,6 @@ NewScenario = Annotated[
     Path | None, opt("scenario to write, ending in .yaml; default MAP-scenario.yaml here")
 ]
 Policy = Annotated[str, opt(f"{', '.join(driver_names())} or a learned model's file")]
-View = Annotated[
-    Literal["top", "overview", "chase"],
-    opt("from above, the whole in 3-D, or behind the robot in 3-D"),
-]
 At = Annotated[float | None, opt("time of a .png (s), the end when not given", "--at", min=0)]
 
 
@@ -85,23 +80,21 @@ def show(
 
 
 def film(
-    output: Annotated[Path, opt("file to write: .mp4, .gif or .png")],
+    output: Annotated[Path, opt("file to write: .gif or .png")],
     scenario: ScenarioName = "hallway",
     policy: Policy = "expert",
-    planner: str = option(WorldSettings, "planner"),
     seed: int = option(EpisodeSettings, "seed", default=1),
     people: int | None = option(WorldSettings, "people"),
     start_area: str = option(WorldSettings, "start_area"),
-    view: View = "top",
     speed: Annotated[float, opt("times real time", min=0.1, max=1000)] = 4.0,
     at_s: At = None,
     as_json: AsJson = False,
 ) -> None:
     """Drive one episode and write it as a movie, or one moment of it as a picture.
 
-    serd scenario film crossing --output episode.mp4
+    serd scenario film crossing --output episode.gif
 
-    serd scenario film --view chase --at 20 --output episode.png
+    serd scenario film hallway --at 20 --output episode.png
 
     The same seed and policy give the same drive as in serd batch.
     """
@@ -112,8 +105,8 @@ def film(
     require_suffix(output, *SUFFIXES)
     if at_s is not None and output.suffix.lower() != ".png":
         raise UsageError(f"--at must be left out for a movie, got {at_s:g}; --output names a .png")
-    task = EpisodeTask(scenario, seed, 0, people, start_area, planner, policy)
-    done = drive_and_draw(task, output, view=view, speed=speed, at_s=at_s, track=_with_bar)
+    task = EpisodeTask(scenario, seed, 0, people, start_area, policy)
+    done = drive_and_draw(task, output, speed=speed, at_s=at_s, track=_with_bar)
     picture = str(output.resolve())
     if as_json:
         print_json({"outcome": done.outcome, "duration_s": done.duration_s, "picture": picture})
@@ -237,7 +230,6 @@ def scenario_values(name: str, scenario: Scenario) -> dict[str, Any]:
         "cells": grid_of(scenario).n_states,
         "people": scenario.pedestrians.count,
         "loops": [loop.name for loop in scenario.pedestrians.loops],
-        "flow_convention": scenario.flow_convention,
         "start_areas": list(scenario.start_areas_m),
         "patience_s": scenario.patience_s,
         "wait_s": scenario.wait_s,

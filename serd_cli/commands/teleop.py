@@ -30,7 +30,7 @@ from serd_files.yaml_config import StrictModel
 from serd_ros.graph.graph import find_stack
 from serd_ros.process.progress import VARIABLE, parse_progress
 from serd_ros.settings import PageConfig
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeSettings, WorldSettings
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
 

@@ -30,7 +30,7 @@ from serd_ros.convert.stamp import LARGEST, require_finite, require_frame, stamp
 from serd_ros.endpoints import topics
 from serd_ros.errors import MessageError
 from serd_sim.safety.motion import STANDING, compose, motion_between
-from serd_sim.scenario.goal import Area
+from serd_sim.scenario.grid import Area
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint

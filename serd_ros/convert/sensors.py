@@ -87,7 +87,7 @@ def to_scan(ranges_m: NDArray[np.float32], settings: LidarSettings, time_s: floa
     return LaserScan(
         header=to_header(topics.BASE_FRAME, time_s),
         angle_min=_single(settings.angle_min_rad),
-        angle_max=_single(settings.angle_max_rad),
+        angle_max=_single(float(settings.angles_rad[-1])),
         angle_increment=_single(settings.angle_increment_rad),
         scan_time=_single(1.0 / settings.rate_hz),
         range_min=_single(settings.range_min_m),

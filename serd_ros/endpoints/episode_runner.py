@@ -18,8 +18,7 @@ from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver
-from serd_sim.episodes.episode import Ending, EpisodeProgress
-from serd_sim.episodes.result import EpisodeStart, observed_result
+from serd_sim.episodes.episode import Ending, EpisodeProgress, EpisodeStart, observed_result
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.epochs import epochs_in

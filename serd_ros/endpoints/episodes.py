@@ -20,7 +20,7 @@ from serd_ros.convert.diagnostics import from_episode_message, to_episode_messag
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.graph.graph import WORLD_TOPICS, Readiness, several_worlds
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 

@@ -32,7 +32,7 @@ from serd_ros.endpoints.endpoints import Endpoints, waiting_messages
 from serd_ros.endpoints.qos import common_qos, is_latched, recording_qos
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.errors import MessageError
-from serd_sim.perception.people_tracker import PeopleTracker
+from serd_sim.perception.scan_people import PeopleTracker
 from serd_sim.robot.urdf import LinkTransform, Placed
 from serd_sim.world.observation import People
 

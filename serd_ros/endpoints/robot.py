@@ -31,8 +31,7 @@ from serd_ros.errors import MessageError
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan
 from serd_sim.world.command import Command
-from serd_sim.world.observation import Observation, People
-from serd_sim.world.observation_inbox import ObservationInbox
+from serd_sim.world.observation import Observation, ObservationInbox, People
 
 #: Without an observation for this time (s) what is missing is reported.
 _SILENCE_S = 2.5

@@ -27,9 +27,8 @@ from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig, StackConfig
 from serd_sim.safety.guard import Guard, GuardOutput
 from serd_sim.safety.reasons import Fault, GuardAction, Reason, Source
-from serd_sim.safety.scan import Scan
+from serd_sim.safety.scan import Scan, ZeroRanges
 from serd_sim.safety.settings import GuardSettings
-from serd_sim.safety.zero_ranges import ZeroRanges
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import People

@@ -19,10 +19,9 @@ from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness, several_worlds
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, FramesConfig, StackConfig
-from serd_sim.episodes.result import EpisodeStart
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
+from serd_sim.episodes.episode import EpisodeSettings, EpisodeStart, WorldSettings
 from serd_sim.errors import SimError
-from serd_sim.scenario.goal import with_goal
+from serd_sim.scenario.grid import with_goal
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 
@@ -43,7 +42,6 @@ class HallwaySimConfig(FramesConfig):
     goal: str = setting_of(NavigationSettings, "goal")
     lockstep: bool = setting_of(StackConfig, "lockstep")
     lockstep_timeout_s: float = setting(60.0, "end without commands", unit="s", gt=0)
-    gui: bool = setting(False, "show PyBullet's window")
     real_time_factor: float = setting(1.0, "speed of the world when not in lock-step", gt=0)
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
     command_timeout_s: float = setting(0.2, "stop without commands", unit="s", gt=0, le=0.5)
@@ -69,7 +67,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
         scenario = with_goal(scenario, config.goal)
-        self._world = HallwayWorld(scenario, seed=config.seed, gui=config.gui)
+        self._world = HallwayWorld(scenario, seed=config.seed)
         self.at_end.callback(self._world.close)
         self._next_episode = 0
         publisher = WorldPublisher(endpoints, self._world, with_tf=config.publish_tf)

@@ -33,7 +33,7 @@ from serd_ros.errors import MessageError, NodeError
 from serd_ros.process.progress import Progress, write_progress
 from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig
-from serd_sim.episodes.settings import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
 

@@ -24,24 +24,20 @@ from serd_ros.endpoints.robot import CommandPublisher, ObservationSource
 from serd_ros.graph.graph import Readiness
 from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
-from serd_sim.episodes.settings import EpisodeSettings, WorldSettings
-from serd_sim.planning.catalogue import make_planner
-from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner
+from serd_sim.episodes.episode import EpisodeSettings
+from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner, make_planner
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.directive import FollowedDirective, resolved
 from serd_sim.world.epochs import epochs_in
 from serd_sim.world.observation import Observation, is_next_episode
-from serd_sim.world.waypoint import Waypoint
+from serd_sim.world.waypoint import FollowedDirective, Waypoint, resolved
 
 
 class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, ManagedConfig):
     """Parameters of local_planner; those of `PlannerSettings` default to the scenario's."""
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
-    planner: str = setting_of(WorldSettings, "planner")
     lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
     input_timeout_s: float = setting(0.5, "stop without observations", unit="s", gt=0, le=0.5)
 
@@ -70,7 +66,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     def configure(self) -> Activate:
         """Load the scenario and make the planner."""
         scenario = self.config.planned_scenario()
-        return partial(Planning, scenario, make_planner(self.config.planner, scenario))
+        return partial(Planning, scenario, make_planner(scenario))
 
 
 class Planning(Activity):
@@ -81,13 +77,16 @@ class Planning(Activity):
     ) -> None:
         node = self._node = endpoints.node
         config = self._config = node.config
-        self._scenario, self._grid = scenario, grid_of(scenario)
+        self._scenario, self._cells = scenario, scenario.cells
         self._planner = planner
         self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
-        self._followed, self._epochs = FollowedDirective(scenario), epochs_in(scenario, self._grid)
+        self._followed, self._epochs = (
+            FollowedDirective(scenario),
+            epochs_in(scenario, self._cells.grid),
+        )
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None
@@ -165,7 +164,7 @@ class Planning(Activity):
             if self._epochs.begins(observation):
                 if self._directive is None or self._directive[0] != time_ns:
                     return
-                action, self._waypoint = resolved(self._grid, observation, self._directive[1])
+                action, self._waypoint = resolved(self._cells, observation, self._directive[1])
                 self._epochs.take(observation.time_s, action)
             self._answer = time_ns, self._plan(observation)
         self._commands.publish(self._answer[1], observation.time_s)

@@ -17,9 +17,8 @@ from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.robot import ObservationSource, follow_scans
 from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
-from serd_sim.episodes.settings import EpisodeSettings
-from serd_sim.perception.lidar_people import LidarPeople
-from serd_sim.perception.scan_people import WALL_MARGIN_M
+from serd_sim.episodes.episode import EpisodeSettings
+from serd_sim.perception.scan_people import WALL_MARGIN_M, LidarPeople
 from serd_sim.safety.reasons import Fault, Reason, Source
 from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.scenario import Scenario, load_scenario

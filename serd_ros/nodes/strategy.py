@@ -40,11 +40,10 @@ from serd_ros.endpoints.episode_runner import EpisodeRunner
 from serd_ros.process.serd_node import Activate, Activity, SerdNode
 from serd_ros.settings import DriverConfig, StackConfig
 from serd_sim.drivers.strategy import Strategy
-from serd_sim.episodes.result import ANYWHERE, EpisodeStart
+from serd_sim.episodes.episode import ANYWHERE, EpisodeStart
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.directive import REPEAT_PERIOD_S
 from serd_sim.world.observation import Observation
-from serd_sim.world.waypoint import Waypoint, heading_to, waypoint_of_intent
+from serd_sim.world.waypoint import REPEAT_PERIOD_S, Waypoint, heading_to, waypoint_of_intent
 
 _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"
@@ -122,8 +121,8 @@ class Navigating(Activity):
 
     def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
-        grid = self._navigator.strategy.problem.grid
-        self._waypoint = waypoint_of_intent(grid, observation, action)
+        cells = self._navigator.strategy.scenario.cells
+        self._waypoint = waypoint_of_intent(cells, observation, action)
         self._publish_waypoint(observation)
         self._records.note_decision(self._navigator, observation)
         self._reporter.report_decision(self._navigator, observation)

@@ -40,7 +40,7 @@ from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.nodes.watch_page import PageView, episode_values, serve_page
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, PageConfig
-from serd_sim.episodes.settings import EpisodeSettings
+from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command

@@ -102,7 +102,7 @@ class PageView:
         elif topic == topics.INTENT:
             _, action = from_intent(message)
             if self._observation is not None:
-                self._waypoint = waypoint_of_intent(self.grid, self._observation, action)
+                self._waypoint = waypoint_of_intent(self._scenario.cells, self._observation, action)
         elif topic == topics.WAYPOINT:
             _, self._waypoint = from_waypoint_message(message)
         elif topic == topics.DIAGNOSTICS:

@@ -26,7 +26,7 @@ from serd_ros.graph.graph import load_graph
 from serd_ros.nodes.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim
 from serd_ros.nodes.teleop_page import TeleopPageNode
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
 from support.nodes_in_process import NodeInProcess, deliver, node_in_process
 from support.people_messages import DETECTIONS, PEOPLE, TRACKED, PeopleMessages

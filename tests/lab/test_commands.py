@@ -19,8 +19,6 @@ REFUSED = (
     ("bench gradeint", "got 'gradeint'; did you mean 'gradient'?"),
     ("rust", "--data must be given for rust: the folder of Rust's odometer files"),
     ("rust --data . --bins many", "n_bins must be an integer, "),
-    ("priors --address tcp://127.0.0.1:8786", "address must be left out with loky, "),
-    ("priors --backend spam", "backend must be one of "),
     ("gridworld --discount 1", "discount must be less than 1, got '1'"),
     ("gridworld --temperature hot", "temperature must be a number, "),
     ("hallway --quick --output afile", "a file of this name is in the way"),
@@ -96,7 +94,7 @@ def test_an_experiment_leaves_its_tables_and_the_command_beside_them(lab, tmp_pa
     assert (folder / "optimal_distributions.csv").read_text().count("\n") > 4
     assert ended.out.splitlines()[-1].startswith("results: ")
     (noted,) = yaml.safe_load((folder / "provenance.yaml").read_text())["runs"]
-    given = (*words, "--jobs", "-1", "--backend", "loky", "--output")
+    given = (*words, "--jobs", "-1", "--output")
     assert shlex.split(noted["command"])[:-1] == ["python", "-m", "lab", *given]
     assert "n_angles=36" in noted["settings"]
     assert noted["finished"]

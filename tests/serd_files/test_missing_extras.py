@@ -11,7 +11,7 @@ import importlib.abc, sys
 
 class Without(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"imageio_ffmpeg", "matplotlib", "pybullet"}:
+        if name.partition(".")[0] in {"matplotlib", "pybullet"}:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
 sys.meta_path.insert(0, Without())

@@ -30,7 +30,7 @@ from serd_ros.convert.sensors import (
     to_scan,
 )
 from serd_ros.convert.stamp import to_stamp
-from serd_sim.scenario.goal import goal_at
+from serd_sim.scenario.grid import goal_at
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import Command
 from serd_sim.world.waypoint import Waypoint

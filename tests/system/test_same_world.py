@@ -12,9 +12,9 @@ from serd_app.drives.drive import START
 from serd_files.table import load_episodes
 from serd_ros.convert.motion import from_pose
 from serd_ros.convert.stamp import stamp_s
-from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.catalogue import ScriptedExpert
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 from support.recorded_messages import recorded
@@ -29,7 +29,7 @@ def drive_alone(seed, episodes=1, timeout_s=TIMEOUT_S):
     """(N, 3) poses of each episode in process, and its record."""
     scenario, driven = load_scenario("hallway"), []
     with HallwayWorld(scenario, seed=seed) as world:
-        planner, expert = make_planner("dwa", scenario), ScriptedExpert(scenario, seed)
+        planner, expert = make_planner(scenario), ScriptedExpert(scenario, seed)
         for episode in range(episodes):
             poses = []
             record = run_episode(

@@ -1,7 +1,7 @@
-"""Closed loop: how the planners drive among people, over scenarios, densities and directions.
+"""Closed loop: how the planner drives among people, over scenarios, densities and directions.
 
-The scenarios have a physical robot and people who foresee it. Each planner drives twice: with the
-true positions of people, and from the lidar's scans alone. Every condition is driven with the same
+The scenarios have a physical robot and people who foresee it. It drives twice: with the true
+positions of people, and from the lidar's scans alone. Every condition is driven with the same
 seeds. Episodes are kept under .cache until the code of the simulator changes, so an interrupted
 run goes on where it stopped.
 """
@@ -15,8 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from lab.benchmarks.report import Row, save
 from serd_cli.output.terminal import WorkProgress
-from serd_sim.episodes.batch import EpisodeTask, run_batch
-from serd_sim.episodes.batch_summary import ConditionSummary, summarise
+from serd_sim.episodes.batch import ConditionSummary, EpisodeTask, run_batch, summarise
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -28,7 +27,6 @@ class ClosedLoopPlan:
     scenarios: tuple[str, ...] = ("hallway", "corridor", "t_junction", "crossing")
     n_people: tuple[int, ...] = (30, 60)
     drivers: tuple[str, ...] = ("expert_with_flow", "expert_against_flow")
-    planners: tuple[str, ...] = ("dwa", "mppi")
     people_from: tuple[str, ...] = ("given", "scan")
     n_seeds: int = 8
 
@@ -38,7 +36,6 @@ class ClosedLoopPlan:
         conditions = {
             "seed": range(1, self.n_seeds + 1),
             "people_from": self.people_from,
-            "planner": self.planners,
             "scenario": self.scenarios,
             "n_people": self.n_people,
             "driver": self.drivers,
@@ -85,7 +82,6 @@ def _row(summary: ConditionSummary) -> Row:
     count = summary.n_episodes
     return {
         "people_from": summary.people_from,
-        "planner": summary.planner,
         "scenario": summary.scenario,
         "people": summary.n_people,
         "flow": direction,

@@ -18,9 +18,9 @@ from serd_cli.processes.workspace import ros_environment, stack_processes
 from serd_files.table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_ros.graph.graph import find_stack
-from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.catalogue import ScriptedExpert
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.scenario import Scenario, load_scenario
 from serd_sim.world.world import HallwayWorld
@@ -58,7 +58,7 @@ def _in_process(scenario: Scenario, *, guarded: bool) -> float:
     """Simulated over processor time from each first step on; all scans are made."""
     driven_s = processor_s = 0.0
     with HallwayWorld(scenario, seed=SEED) as world:
-        driver, planner = ScriptedExpert(scenario, SEED), make_planner("dwa", scenario)
+        driver, planner = ScriptedExpert(scenario, SEED), make_planner(scenario)
         began_s: list[float] = []
 
         def scan(*_: object) -> None:

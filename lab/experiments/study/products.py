@@ -22,7 +22,7 @@ from serd_sim.episodes.execution import Execution
 #: Called with the estimated (seconds of work done, seconds of all work, name of the stage).
 OnWork = Callable[[float, float, str], None]
 SETTINGS_YAML = "settings.yaml"
-_WORLD = dict.fromkeys(("scenario", "people", "crowd", "drive", "planner", "seed"), True)
+_WORLD = dict.fromkeys(("scenario", "people", "crowd", "drive", "seed"), True)
 #: The settings that the files of reference recordings depend on.
 REFERENCE_SETTINGS: dict[str, Any] = _WORLD | {"demonstrations": {"driver"}, "reference": True}
 

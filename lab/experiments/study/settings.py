@@ -65,7 +65,6 @@ class WorldSettings(StrictModel):
     people: int = Field(ge=1)
     crowd: str
     drive: str
-    planner: str
     discount: float = Field(ge=0, lt=1)
     seed: int = Field(ge=0)
     demonstrations: DemonstrationSettings

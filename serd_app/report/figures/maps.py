@@ -147,7 +147,7 @@ def draw_flow_map(
 
 def draw_scenario_plan(scenario: Scenario) -> Figure:
     """The empty place in metres; the legend names the loops and how many people walk each."""
-    loops = scenario.directed_loops
+    loops = scenario.pedestrians.loops
     with style.report_style():
         figure, axes = map_figure(scenario, width_in=7.3)
         _draw_cells(axes, scenario)

@@ -7,10 +7,16 @@ then people who are too close to a wall are put back, so that no one passes it.
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_sim.crowd.distances import PairGeometry, WallGeometry
+from serd_sim.crowd.neighbours import Neighbours
 from serd_sim.crowd.robots import RobotBody, headings_around
 from serd_sim.crowd.routes import Routes, offset_loop
-from serd_sim.crowd.social_force import Bodies, Force, SocialForceModel, model_named
+from serd_sim.crowd.social_force import (
+    Bodies,
+    Force,
+    SocialForceModel,
+    WallGeometry,
+    model_named,
+)
 from serd_sim.scenario.settings import Loop, PedestrianSettings
 
 _CLOSEST_TO_WALL = 0.6
@@ -19,6 +25,7 @@ _LARGEST_PUSH_M = 0.1
 #: People who stand walk back to their place slower when nearer than this (m).
 _AT_PLACE_M = 0.5
 _BACK_TO_PLACE_MPS = 0.5
+_COINCIDENT_M = 1e-6
 
 
 #: Stands in for the robot where people see none.
@@ -49,9 +56,8 @@ class Crowd:
         self._model, self._routes, self._rng = model, routes, rng
         self._fluctuation_mps2, self._period_m = fluctuation_mps2, period_m
         self.x_m, self.y_m = x_m.copy(), y_m.copy()
-        self._radius_m = np.full(count, model.body_radius_m)
         self._standing_m = np.zeros((0, 2)) if standing_m is None else standing_m
-        self._pairs = PairGeometry(count, count + 1, period_m)
+        self._neighbours = Neighbours(count, model.people_reach_m, period_m)
         self._walls = WallGeometry(walls_m)
         heading_x, heading_y = self._headings(None)
         self.velocity_x_mps = desired_speed_mps * heading_x
@@ -115,13 +121,15 @@ class Crowd:
     def _forces(self, seen: RobotBody | None) -> tuple[FloatArray, FloatArray]:
         """(N,) x and y of dv/dt: relaxation, people, walls, fluctuation."""
         robot = seen or _NO_ROBOT
-        self._pairs.update(
-            np.concatenate([self.x_m, [robot.x_m]]), np.concatenate([self.y_m, [robot.y_m]])
-        )
         self._walls.update(self.x_m, self.y_m)
         heading_x, heading_y = self._headings(seen)
         bodies = self._bodies(heading_x, heading_y, robot)
-        people_x, people_y = self._model.people_force(self._pairs, bodies)
+        people_x, people_y = np.zeros((2, len(self)))
+        places = np.append(self.x_m, robot.x_m), np.append(self.y_m, robot.y_m)
+        for pairs in self._neighbours.blocks(*places):
+            push_x, push_y = self._model.people_force(pairs, bodies)
+            people_x += push_x
+            people_y += push_y
         wall_x, wall_y = self._model.wall_force(self._walls)
         noise = self._fluctuation_mps2 * self._rng.standard_normal((2, len(self)))
         rate, speed_mps = 1.0 / self._model.relaxation_time_s, self.desired_speed_mps
@@ -137,8 +145,10 @@ class Crowd:
         headings = self._routes.headings(self.x_m, self.y_m)
         clearance_m = self._model.evasion_clearance_m
         if robot is not None and clearance_m is not None:
-            to_x, to_y = -self._pairs.dx_m[:, -1], -self._pairs.dy_m[:, -1]
-            to_robot_m = to_x, to_y, self._pairs.distance_m[:, -1]
+            to_x, to_y = robot.x_m - self.x_m, robot.y_m - self.y_m
+            if self._period_m > 0.0:
+                to_x -= np.rint(to_x / self._period_m) * self._period_m
+            to_robot_m = to_x, to_y, np.maximum(np.hypot(to_x, to_y), _COINCIDENT_M)
             given = headings, self.desired_speed_mps, self._walls, self.body_radius_m
             headings = headings_around(robot, to_robot_m, *given, clearance_m)
         heading_x, heading_y = headings
@@ -158,7 +168,7 @@ class Crowd:
             heading_y=np.concatenate([heading_y, [robot_heading_y]]),
             velocity_x_mps=np.concatenate([self.velocity_x_mps, [robot_x]]),
             velocity_y_mps=np.concatenate([self.velocity_y_mps, [robot_y]]),
-            radius_m=np.concatenate([self._radius_m, [robot.radius_m]]),
+            robot_radius_m=robot.radius_m,
         )
 
     def _leave_walls(self) -> None:

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from serd_sim.crowd.distances import WallGeometry
-from serd_sim.crowd.social_force import Force
+from serd_sim.crowd.social_force import Force, WallGeometry
 
 #: How far before the circle that they walk around people turn aside.
 _NOTICED_M = 2.0

@@ -9,8 +9,7 @@ from serd_sim.drivers.strategy import load_strategy
 from serd_sim.errors import SimError
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.observation import Observation
-from serd_sim.world.seeds import POLICY, episode_rng
+from serd_sim.world.observation import POLICY, Observation, episode_rng
 
 #: Probabilities that differ less are equal.
 _EQUAL = 1e-9

@@ -9,28 +9,29 @@ import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
+from math import isnan, nan
 from pathlib import Path
-from typing import TypeVar
+from statistics import fmean
+from typing import Any, TypeVar
 
 from serd_bag.files import read_text
+from serd_core.arrival.law import clopper_pearson
 from serd_files.table import Column, Key, Row, RowTable, cell_text, columns_of
 from serd_sim.drivers.catalogue import MODEL_SUFFIXES, make_driver
 from serd_sim.episodes.episode import run_episode
 from serd_sim.episodes.execution import Execution
 from serd_sim.episodes.metrics import EpisodeMetrics, MetricsObserver
 from serd_sim.errors import SimError
-from serd_sim.planning.catalogue import make_planner, planner_in_world, require_people_source
-from serd_sim.planning.local_planner import RecoveringPlanner
-from serd_sim.robot.contacts import ContactCounts
+from serd_sim.perception.scanning_planner import planner_in_world, require_people_source
+from serd_sim.planning.local_planner import make_planner
+from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.world_guard import no_guard
 from serd_sim.scenario.grid import grid_of, start_states_of
 from serd_sim.scenario.scenario import Scenario, load_scenario, scenario_content
-from serd_sim.scenario.shortest_way import shortest_way_m
 from serd_sim.world.world import HallwayWorld
 
 Progress = Callable[[int, int], None]
 
-PlannerOf = Callable[[str, HallwayWorld, str], RecoveringPlanner]
 AnyTask = TypeVar("AnyTask", bound="EpisodeTask")
 #: Column of the digest of all files that an episode depends on.
 INPUTS = "inputs"
@@ -40,8 +41,8 @@ INPUTS = "inputs"
 class EpisodeTask:
     """What defines one episode. n_people: the scenario's own number when None.
 
-    driver: a name of `serd_sim.drivers.catalogue` or the file of a learned model. people_from: a
-    name of `serd_sim.planning.catalogue.PEOPLE_SOURCES`. guarded: 0 for a robot without the guard.
+    driver: a name of `serd_sim.drivers.catalogue` or the file of a learned model. people_from: one
+    of `PEOPLE_SOURCES`. guarded: 0 for a robot without the guard.
     """
 
     scenario: str
@@ -49,7 +50,6 @@ class EpisodeTask:
     episode: int = 0
     n_people: int | None = None
     start_area: str = "train"
-    planner: str = "dwa"
     driver: str = "expert_with_flow"
     people_from: str = "given"
     guarded: int = 1
@@ -68,8 +68,6 @@ COLUMNS = (
     Column("time_of_arrival_s", float, nullable=True),
     Column("duration_s", float),
     Column("distance_m", float),
-    Column("shortest_way_m", float),
-    Column("spl", float),
     Column("n_decisions", int),
     Column("minimum_person_distance_m", float),
     *columns_of(ContactCounts),
@@ -82,16 +80,12 @@ _OF_RECORD = (
 )  # fmt: skip
 
 
-def run_task(task: EpisodeTask, planner_of: PlannerOf = planner_in_world) -> Row:
-    """Run one episode; its row.
-
-    planner_of: makes the planner from the task's name, the world and the source of people.
-    spl: success weighted by path length (Anderson et al., 2018), of this episode.
-    """
+def run_task(task: EpisodeTask) -> Row:
+    """Run one episode; its row."""
     scenario = scenario_of(task.scenario, task.n_people)
     observer = MetricsObserver(scenario)
     with HallwayWorld(scenario, seed=task.seed) as world:
-        planner = planner_of(task.planner, world, task.people_from)
+        planner = planner_in_world(world, task.people_from)
         record = run_episode(
             world,
             planner,
@@ -101,14 +95,10 @@ def run_task(task: EpisodeTask, planner_of: PlannerOf = planner_in_world) -> Row
             observer=observer.see,
             guard=None if task.guarded else no_guard,
         )
-    shortest_m = shortest_way_m(scenario, *observer.start_m)
-    longer = max(record.distance_m, shortest_m)
     return {
         **{name: getattr(task, name) for name in TASK_COLUMNS},
         INPUTS: inputs_digest(task.scenario, task.driver),
         **{name: getattr(record, name) for name in _OF_RECORD},
-        "shortest_way_m": shortest_m,
-        "spl": shortest_m / longer if record.outcome == "arrived" else 0.0,
         "n_decisions": len(record.decisions),
         **asdict(record.contacts),
         "planner_status": planner.status.name,
@@ -169,7 +159,7 @@ def require_runnable(tasks: Iterable[EpisodeTask]) -> None:
     for condition in {replace(task, seed=0, episode=0) for task in tasks}:
         scenario = scenario_of(condition.scenario, condition.n_people)
         start_states_of(scenario, grid_of(scenario), condition.start_area)
-        make_planner(condition.planner, scenario)
+        make_planner(scenario)
         require_people_source(condition.people_from)
         make_driver(condition.driver, scenario, 0)
 
@@ -183,3 +173,73 @@ def _require_same_inputs(tasks: Sequence[EpisodeTask], table: RowTable) -> None:
                 f"{table.path} holds episodes of another version of {task.scenario} or "
                 f"{task.driver}; choose another file or delete it"
             )
+
+
+_CONDITION = ("scenario", "n_people", "start_area", "driver", "people_from", "guarded")
+
+
+@dataclass(frozen=True)
+class ConditionSummary:
+    """One line of the table.
+
+    n_people: None for the scenario's own number. arrival_low, arrival_high: exact 95 % interval.
+    Contacts are per episode; metrics: means over the episodes. NaN where no episode arrived.
+    """
+
+    scenario: str
+    n_people: int | None
+    start_area: str
+    driver: str
+    people_from: str
+    guarded: int
+    n_episodes: int
+    n_arrived: int
+    arrival_low: float
+    arrival_high: float
+    mean_time_of_arrival_s: float
+    mean_distance_m: float
+    minimum_person_distance_m: float
+    robot_on_person: float
+    person_on_robot: float
+    robot_on_wall: float
+    metrics: EpisodeMetrics
+
+
+def summarise(rows: Sequence[Row]) -> list[ConditionSummary]:
+    """One summary per condition, in the order they first appear."""
+    conditions: dict[tuple[object, ...], list[Row]] = {}
+    for row in rows:
+        conditions.setdefault(tuple(row[name] for name in _CONDITION), []).append(row)
+    return [_summary(group) for group in conditions.values()]
+
+
+def _summary(group: list[Row]) -> ConditionSummary:
+    arrived = [float(row["time_of_arrival_s"]) for row in group if row["outcome"] == "arrived"]
+    first = group[0]
+    low, high = (float(end) for end in clopper_pearson(len(arrived), len(group)))
+    return ConditionSummary(
+        **{name: first[name] for name in _CONDITION},
+        **_means(group, _names_of(ContactCounts)),
+        metrics=EpisodeMetrics(**_means(group, _names_of(EpisodeMetrics))),
+        n_episodes=len(group),
+        n_arrived=len(arrived),
+        arrival_low=low,
+        arrival_high=high,
+        mean_time_of_arrival_s=fmean(arrived) if arrived else float("nan"),
+        mean_distance_m=fmean(float(row["distance_m"]) for row in group),
+        minimum_person_distance_m=min(float(row["minimum_person_distance_m"]) for row in group),
+    )
+
+
+def _means(group: list[Row], names: Sequence[str]) -> dict[str, Any]:
+    return {name: _mean(float(row[name]) for row in group) for name in names}
+
+
+def _mean(values: Iterable[float]) -> float:
+    """Over the known ones; NaN where there is none."""
+    known = [value for value in values if not isnan(value)]
+    return fmean(known) if known else nan
+
+
+def _names_of(record: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(record))

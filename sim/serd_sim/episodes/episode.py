@@ -5,20 +5,24 @@ begins, plan towards the waypoint, guard the command, step the world.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
 
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action
+from serd_files.settings import setting
+from serd_files.table import EpisodeResult
+from serd_files.yaml_config import StrictModel
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.errors import SimError
 from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.planning.local_planner import LocalPlanner
-from serd_sim.robot.contacts import ContactCounts
+from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.world_guard import CommandFilter, WorldGuard
-from serd_sim.scenario.goal import Area
-from serd_sim.scenario.polygon import contains_point
+from serd_sim.scenario.grid import Area, is_at_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
 from serd_sim.world.epochs import decisions_of, epochs_in
@@ -27,6 +31,7 @@ from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 
 if TYPE_CHECKING:  # which needs PyBullet; nodes on a robot use what this module defines
     from serd_sim.world.world import HallwayWorld
+
 
 Ending = Literal["arrived", "timeout", "aborted"]
 Observer = Callable[[Observation, Command, Action], bool | None]
@@ -60,7 +65,7 @@ class EpisodeProgress:
         self.start = start
         self.distance_m = 0.0
         self._last = start
-        self._period_s = scenario.control_period_s
+        self._scenario, self._period_s = scenario, scenario.control_period_s
         self.goal_area_m: Area = scenario.goal_area_m
         self._n_ticks = round(timeout_s / scenario.control_period_s)
 
@@ -68,7 +73,7 @@ class EpisodeProgress:
         """Take the next observation; returns how the episode ends with it, None when it goes on."""
         before, self._last = self._last, observation
         self.distance_m += math.hypot(observation.x_m - before.x_m, observation.y_m - before.y_m)
-        if contains_point(self.goal_area_m, observation.x_m, observation.y_m):
+        if is_at_goal(self._scenario, self.goal_area_m, observation.x_m, observation.y_m):
             return "arrived"
         return "timeout" if self.n_ticks >= self._n_ticks else None
 
@@ -113,7 +118,7 @@ def run_episode(
     while outcome is None:
         if epochs.begins(observation):
             epochs.take(observation.time_s, _action(driver, observation, epochs.state))
-            waypoint = waypoint_of_intent(world.grid, observation, epochs.action)
+            waypoint = waypoint_of_intent(world.scenario.cells, observation, epochs.action)
         wanted = planner.step(observation, waypoint)
         if not isinstance(wanted, Command):
             raise SimError(
@@ -159,3 +164,84 @@ def _action(driver: Driver, observation: Observation, state: int) -> Action:
             f"decide of {type(driver).__name__} must return an Action, one of {names}, got"
             f" {chosen!r}; return Action.WAIT to stand"
         ) from None
+
+
+#: What a record and a row both have.
+_OF_RECORD = {each.name for each in fields(EpisodeResult)} & {
+    each.name for each in fields(EpisodeRecord)
+}
+#: Start area of an episode that began without a reset.
+ANYWHERE = "anywhere"
+
+
+class EpisodeStart(StrictModel):
+    """An episode that begins now; observations before start_s belong to the one before.
+
+    The service `reset` responds with it as JSON.
+    """
+
+    episode: int = Field(ge=0)
+    seed: int = Field(ge=0)
+    start_area: str
+    start_s: float
+
+
+def observed_result(
+    start: EpisodeStart,
+    progress: EpisodeProgress,
+    report: Mapping[str, str],
+    *,
+    driver: str,
+    outcome: Ending,
+    reason: str,
+    wall_s: float,
+) -> EpisodeResult:
+    """The row of an episode over ROS; report: values of `hallway_sim` on `diagnostics`, as text."""
+    duration_s = progress.duration_s
+    contacts: dict[str, Any] = {each.name: int(report[each.name]) for each in fields(ContactCounts)}
+    return EpisodeResult(
+        **start.model_dump(exclude={"start_s"}),
+        driver=driver,
+        outcome=outcome,
+        time_of_arrival_s=duration_s if outcome == "arrived" else math.nan,
+        duration_s=duration_s,
+        distance_m=progress.distance_m,
+        **contacts,
+        minimum_person_distance_m=float(report["minimum_person_distance_m"]),
+        wall_s=wall_s,
+        reason=reason,
+    )
+
+
+def result_of_record(record: EpisodeRecord, *, reason: str, wall_s: float) -> EpisodeResult:
+    """The row of an episode that was run in process; reason: why the driver gave up, or empty."""
+    return EpisodeResult(
+        **{name: getattr(record, name) for name in _OF_RECORD},
+        **asdict(record.contacts),
+        wall_s=wall_s,
+        reason="" if record.outcome == "arrived" else reason,
+    )
+
+
+class EpisodeSettings(StrictModel):
+    """One series of episodes in a scenario."""
+
+    scenario: str = setting(
+        "hallway", "built-in scenario or path of a scenario YAML file", min_length=1
+    )
+    seed: int = setting(0, "seed of people, starts and random choices", ge=0)
+    episodes: int = setting(20, "number of episodes to drive", ge=1)
+    timeout_s: float = setting(
+        Scenario.model_fields["episode_timeout_s"].default,
+        "simulated time per episode",
+        unit="s",
+        ge=2,
+        le=86400,
+    )
+
+
+class WorldSettings(StrictModel):
+    """What surrounds the driver of an episode."""
+
+    start_area: str = setting("train", "start area of the scenario in which episodes begin")
+    people: int | None = setting(None, "number of people; as the scenario has it by default", ge=0)

@@ -7,13 +7,11 @@ and 0.95 m.
 """
 
 from dataclasses import dataclass, field
-from math import nan
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
 from serd_core.grid.grid import Action
-from serd_files.table import OptionalFloat
 from serd_sim.crowd.social_force import model_named
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
@@ -31,17 +29,15 @@ STANDING_MPS = 0.05
 class EpisodeMetrics:
     """Shares of the episode's time; means over time, of absolute values.
 
-    collision_ahead_share: a time to collision with a person below 1 s. people_disturbance_mps2: how
-    much more the speeds of people within the personal zone change than those of all others, NaN
-    where all were within. path_irregularity_radpm: turning per metre of way (Guzzi et al., ICRA
-    2013, without the turns that the place asks for). mean_abs_jerk_mps3: of the measured speed.
+    collision_ahead_share: a time to collision with a person below 1 s. path_irregularity_radpm:
+    turning per metre of way (Guzzi et al., ICRA 2013, without the turns that the place asks for).
+    mean_abs_jerk_mps3: of the measured speed.
     """
 
     intimate_share: float
     personal_share: float
     collision_ahead_share: float
     standing_share: float
-    people_disturbance_mps2: OptionalFloat
     mean_speed_mps: float
     mean_abs_acceleration_mps2: float
     mean_abs_turn_acceleration_radps2: float
@@ -58,8 +54,6 @@ class MetricsObserver:
     _collisions_ahead: list[bool] = field(default_factory=list)
     _commands: list[tuple[float, float]] = field(default_factory=list)
     _motions: list[tuple[float, float, float, float]] = field(default_factory=list)
-    _changes_mps: dict[bool, list[float]] = field(default_factory=lambda: {True: [], False: []})
-    _people_mps: FloatArray | None = None
 
     def __post_init__(self) -> None:
         person_radius_m = model_named(self.scenario.pedestrians.model).body_radius_m
@@ -77,26 +71,6 @@ class MetricsObserver:
         closing_mps = observation.people_velocity_mps - velocity_mps
         times_s = time_to_collision_s(away, closing_mps, self._reach_m)
         self._collisions_ahead.append(bool(times_s.min(initial=np.inf) < COLLISION_AHEAD_S))
-        self._see_speeds(observation.people_velocity_mps, gaps_m < PERSONAL_M)
-
-    def _see_speeds(self, velocity_mps: FloatArray, is_near: np.ndarray) -> None:
-        speeds = np.sqrt(velocity_mps[:, 0] ** 2 + velocity_mps[:, 1] ** 2)
-        if self._people_mps is not None and len(self._people_mps) == len(speeds):
-            change = np.abs(speeds - self._people_mps)
-            for near in (True, False):
-                self._changes_mps[near].extend(change[is_near == near])
-        self._people_mps = speeds
-
-    def _disturbance_mps2(self) -> float:
-        near, far = self._changes_mps[True], self._changes_mps[False]
-        if not near:
-            return 0.0
-        return float(np.mean(near) - np.mean(far)) / self.scenario.control_period_s if far else nan
-
-    @property
-    def start_m(self) -> tuple[float, float]:
-        """Where the robot stood at the first tick."""
-        return self._motions[0][:2]
 
     @property
     def metrics(self) -> EpisodeMetrics:
@@ -112,7 +86,6 @@ class MetricsObserver:
             personal_share=_mean_abs(gaps < PERSONAL_M),
             collision_ahead_share=_mean_abs(self._collisions_ahead),
             standing_share=_mean_abs(np.abs(speed_mps) < STANDING_MPS),
-            people_disturbance_mps2=self._disturbance_mps2(),
             mean_speed_mps=_mean_abs(speed_mps),
             mean_abs_acceleration_mps2=_mean_abs(acceleration),
             mean_abs_turn_acceleration_radps2=_mean_abs(turn_acceleration),

@@ -6,20 +6,101 @@ pi/4 r before its centre.
 """
 
 import math
+from collections import deque
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
-from serd_sim.perception.people_tracker import PeopleTracker
-from serd_sim.safety.motion import compose
+from serd_sim.safety.input_monitor import ScanMonitor
+from serd_sim.safety.known_space import KnownSpace
+from serd_sim.safety.motion import PoseTrack, compose
+from serd_sim.safety.reasons import Fault
 from serd_sim.safety.scan import Scan
+from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.observation import Observation, Pose, make_observation
+from serd_sim.world.observation import Observation, People, Pose, make_observation
+
+_ALPHA, _BETA = 0.6, 0.25
+#: How far a detection may be from a track's prediction.
+_GATE_M = 0.6
+#: Life unseen.
+_MEMORY_S = 0.5
+FASTEST_MPS = 2.0
+
+
+class PeopleTracker:
+    """Positions, velocities and lasting numbers of people, from detections to detections."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard all tracks."""
+        self.position_m: FloatArray = np.zeros((0, 2))
+        self.velocity_mps: FloatArray = np.zeros((0, 2))
+        self.identity: IntArray = np.zeros(0, dtype=np.int64)
+        self._seen_s: FloatArray = np.zeros(0)
+        self._time_s: float | None = None
+        self._updated_s: float | None = None
+        self._next_identity = 0
+
+    def predict(self, time_s: float) -> None:
+        """Move all tracks on to a time."""
+        if self._time_s is not None:
+            self.position_m = self.position_m + (time_s - self._time_s) * self.velocity_mps
+        self._time_s = time_s
+
+    def update(self, detections_m: FloatArray, time_s: float) -> None:
+        """Take the (K, 2) detections of a scan at a time."""
+        # Not since the last prediction, which may be later than this scan.
+        step_s = 0.1 if self._updated_s is None else max(time_s - self._updated_s, 1e-3)
+        self._updated_s = time_s
+        self.predict(time_s)
+        free = np.ones(len(detections_m), dtype=np.bool_)
+        for track, detection in self._pairs(detections_m):
+            self._correct(track, detections_m[detection], step_s)
+            self._seen_s[track] = time_s
+            free[detection] = False
+        self._forget(time_s)
+        self._start_tracks(detections_m[free], time_s)
+
+    def _pairs(self, detections_m: FloatArray) -> list[tuple[int, int]]:
+        """Track and detection numbers, nearest first, each at most once, within the gate."""
+        away = np.linalg.norm(self.position_m[:, None] - detections_m[None, :], axis=2)
+        pairs: list[tuple[int, int]] = []
+        tracks, detections = np.nonzero(away < _GATE_M)
+        for best in np.argsort(away[tracks, detections], kind="stable"):
+            track, detection = int(tracks[best]), int(detections[best])
+            if all(track != t and detection != d for t, d in pairs):
+                pairs.append((track, detection))
+        return pairs
+
+    def _correct(self, track: int, detection_m: FloatArray, step_s: float) -> None:
+        residual = detection_m - self.position_m[track]
+        self.position_m[track] += _ALPHA * residual
+        velocity = self.velocity_mps[track] + _BETA / step_s * residual
+        speed = float(np.hypot(*velocity))
+        self.velocity_mps[track] = velocity * min(1.0, FASTEST_MPS / max(speed, 1e-9))
+
+    def _forget(self, time_s: float) -> None:
+        known = time_s - self._seen_s <= _MEMORY_S
+        self.position_m, self.velocity_mps = self.position_m[known], self.velocity_mps[known]
+        self.identity, self._seen_s = self.identity[known], self._seen_s[known]
+
+    def _start_tracks(self, detections_m: FloatArray, time_s: float) -> None:
+        count = len(detections_m)
+        numbers = self._next_identity + np.arange(count, dtype=np.int64)
+        self._next_identity += count
+        self.position_m = np.concatenate([self.position_m, detections_m])
+        self.velocity_mps = np.concatenate([self.velocity_mps, np.zeros((count, 2))])
+        self.identity = np.concatenate([self.identity, numbers])
+        self._seen_s = np.concatenate([self._seen_s, np.full(count, time_s)])
+
 
 WALL_MARGIN_M = 0.12
 _SAME_BODY_M = 0.25
@@ -145,3 +226,71 @@ class ScanPerception:
             "people_id": self.tracker.identity,
         }
         return make_observation(**vars(observation) | found)
+
+
+_MOST_WAITING = 20
+_POSES_S = 4.0
+
+
+class LidarPeople:
+    """Takes scans and observations in any order; each scan is taken once.
+
+    settings: `source_timeout`, `blind_rays` and `frozen_motion` are used. wall_margin_m: as in
+    `people_in_scan`.
+    """
+
+    def __init__(
+        self, scenario: Scenario, settings: GuardSettings, wall_margin_m: float = WALL_MARGIN_M
+    ) -> None:
+        self._settings, self._walls_m = settings, scenario.wall_segments_m
+        self._perception = ScanPerception(scenario, wall_margin_m)
+        self._waiting: deque[Scan] = deque(maxlen=_MOST_WAITING)
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard tracks and poses, after a jump of the clock; scans that wait are kept."""
+        self._perception.reset()
+        self._poses = PoseTrack(_POSES_S)
+        space = KnownSpace(self._settings, self._walls_m, 0.0)
+        self._monitor = ScanMonitor(self._settings, self._poses, space)
+        self._taken_s: float | None = None
+        self._received_s: float | None = None
+
+    def take_scan(self, scan: Scan) -> None:
+        """Take a scan; it waits for the next observation that is not older."""
+        self._received_s = scan.stamp_s
+        self._waiting.append(scan)
+
+    def step(self, observation: Observation) -> People | Fault:
+        """The people at an observation, newer than the last one, or why the scans show none."""
+        time_s = observation.time_s
+        self._poses.append(time_s, observation.pose)
+        waiting = list(self._waiting)
+        self._waiting.clear()
+        for scan in waiting:
+            if scan.stamp_s > time_s:
+                self._waiting.append(scan)
+            elif self._is_next(scan):
+                self._take(scan)
+        return self._fault(time_s) or self._perception.see(observation).people
+
+    def _is_next(self, scan: Scan) -> bool:
+        is_new = self._taken_s is None or scan.stamp_s > self._taken_s
+        return is_new and self._poses.covers(scan.stamp_s)
+
+    def _take(self, scan: Scan) -> None:
+        self._taken_s = scan.stamp_s
+        pose = self._poses.at(scan.stamp_s)
+        interpreted = self._monitor.take(scan, pose, pose=pose)
+        if self._monitor.check()[0] > 0.0:
+            self._perception.take_scan(interpreted, pose)
+
+    def _fault(self, time_s: float) -> Fault | None:
+        timeout_s = self._settings.source_timeout
+        if self._taken_s is None or time_s - self._taken_s >= timeout_s:
+            off_s = 0.0 if self._received_s is None else self._received_s - time_s
+            if off_s >= timeout_s:
+                return Fault.FUTURE
+            return Fault.MISSING if self._taken_s is None and off_s > -timeout_s else Fault.STALE
+        share, fault = self._monitor.check()
+        return fault if share <= 0.0 else None

@@ -1,17 +1,25 @@
 """A planner that detects people in lidar scans only, and how scans are matched to observations."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from serd_bag.nearest import choice_rule
+from serd_sim.errors import SimError
 from serd_sim.perception.scan_people import ScanPerception
-from serd_sim.planning.local_planner import LocalPlanner, RecoveringPlanner
+from serd_sim.planning.local_planner import LocalPlanner, RecoveringPlanner, make_planner
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 
+if TYPE_CHECKING:  # it imports PyBullet
+    from serd_sim.world.world import HallwayWorld
+
+#: Source of people: as the world gives them, or from the lidar's scans alone.
+PEOPLE_SOURCES = ("given", "scan")
 #: Returns the scan taken at an observation, None when there is no new one.
 ScanSource = Callable[[Observation], NDArray[np.float32] | None]
 
@@ -43,6 +51,26 @@ class ScanningPlanner(RecoveringPlanner):
         if ranges_m is not None:
             self.perception.take(observation, ranges_m)
         return super().step(self.perception.see(observation), waypoint)
+
+
+def require_people_source(name: str) -> None:
+    """SimError with the nearest name when `name` is none of PEOPLE_SOURCES."""
+    if name not in PEOPLE_SOURCES:
+        raise SimError(choice_rule("people_from", name, PEOPLE_SOURCES))
+
+
+def planner_in_world(world: "HallwayWorld", people_from: str = "given") -> RecoveringPlanner:
+    """A planner that drives in a world with people from the given source."""
+    require_people_source(people_from)
+    planner = make_planner(world.scenario)
+    if people_from == "given":
+        return planner
+    return ScanningPlanner(
+        planner.planner,
+        world.scenario,
+        ScanPerception(world.scenario),
+        lambda seen: world.scan(seen) if world.is_scan_tick else None,
+    )
 
 
 class ScanMatcher:

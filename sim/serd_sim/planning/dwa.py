@@ -12,29 +12,136 @@ towards the direction in which it will be able to leave.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
-from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts, Surroundings
-from serd_sim.planning.rollouts import (
-    REACTION_S,
-    before_stop,
-    reachable_window,
-    require_foresight,
-    roll_out,
-    speed_to_stop_within,
-)
+from serd_sim.errors import SimError
+from serd_sim.planning.rollout_costs import RolloutCosts, Surroundings
 from serd_sim.scenario.scenario import Scenario
+from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
+
+#: Time (s) that passes before the robot brakes.
+REACTION_S = 0.3
+#: Share of the deceleration that planners count on for stopping at the waypoint.
+BRAKING_SHARE = 0.7
+
+
+def reachable_window(
+    robot: RobotSettings, speed_mps: float, yaw_rate_radps: float, window_s: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Slowest and fastest speed, rightmost and leftmost turn that the robot can reach soon.
+
+    The dynamic window (Fox, Burgard & Thrun 1997): limits of the robot and its accelerations.
+    """
+    change_v, change_w = robot.acc_lim_x_mps2 * window_s, robot.acc_lim_theta_radps2 * window_s
+    most_w = robot.max_vel_theta_radps
+    return (
+        (
+            max(robot.min_vel_x_mps, speed_mps - change_v),
+            min(robot.max_vel_x_mps, speed_mps + change_v),
+        ),
+        (max(-most_w, yaw_rate_radps - change_w), min(most_w, yaw_rate_radps + change_w)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """x_m, y_m: (V, W, T) positions; speed_mps: (V, T); yaw_rad: (W, T)."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    speed_mps: FloatArray
+    yaw_rad: FloatArray
+
+
+def ramp(start: float, wanted: FloatArray, limit: float, time_s: FloatArray) -> FloatArray:
+    """(n, T) values that go from `start` to each wanted one at the limited rate."""
+    reach = limit * time_s
+    change: FloatArray = np.minimum(np.maximum((wanted - start)[:, None], -reach), reach)
+    return start + change
+
+
+def roll_out(
+    pose: tuple[float, float, float],
+    speeds: tuple[float, FloatArray],
+    turns: tuple[float, FloatArray],
+    robot: RobotSettings,
+    time_s: FloatArray,
+    turn_time_s: float,
+    start_s: float = 0.0,
+) -> Rollouts:
+    """Rollouts from a pose; `speeds` and `turns` are the present value and the sampled ones.
+
+    start_s: how long the present speed is kept before the ramp to the sampled one.
+    """
+    step_s = time_s[0]
+    middle_s = time_s - 0.5 * step_s
+    speed = ramp(speeds[0], speeds[1], robot.acc_lim_x_mps2, np.maximum(middle_s - start_s, 0.0))
+    turning = ramp(turns[0], turns[1], robot.acc_lim_theta_radps2, middle_s)
+    turning = np.where(middle_s > turn_time_s, 0.0, turning)
+    yaw = pose[2] + step_s * turning.cumsum(axis=1)
+    middle_yaw = yaw - 0.5 * step_s * turning
+    x_m = _positions(pose[0], speed, np.cos(middle_yaw), step_s)
+    y_m = _positions(pose[1], speed, np.sin(middle_yaw), step_s)
+    return Rollouts(x_m=x_m, y_m=y_m, speed_mps=speed, yaw_rad=yaw)
+
+
+def _positions(
+    start_m: float, speed_mps: FloatArray, direction: FloatArray, step_s: float
+) -> FloatArray:
+    """(V, W, T) one coordinate; direction: (W, T) that of unit vectors along the motion."""
+    way: FloatArray = (speed_mps[:, None, :] * direction).cumsum(axis=2)
+    way *= step_s
+    way += start_m
+    return way
+
+
+def require_foresight(name: str, horizon_s: float, robot: RobotSettings) -> None:
+    """SimError when the horizon of a planner is shorter than the robot takes to stop."""
+    stopping_s = robot.max_vel_x_mps / robot.acc_lim_x_mps2 + REACTION_S
+    if horizon_s < stopping_s:
+        raise SimError(
+            f"{name} must be at least {stopping_s:.3g} s, in which the robot stops from its fastest"
+            f" ({robot.max_vel_x_mps:g} m/s at {robot.acc_lim_x_mps2:g} m/s2), got {horizon_s:g} s"
+            "; raise it or lower local_planner.max_vel_x"
+        )
+
+
+def speed_to_stop_within(distance_m: float, robot: RobotSettings) -> float:
+    """Largest speed (m/s) from which the robot stops within a distance: v^2 = 2 a d."""
+    return float(np.sqrt(2.0 * BRAKING_SHARE * robot.acc_lim_x_mps2 * distance_m))
+
+
+def before_stop(
+    speed_mps: FloatArray,
+    robot: RobotSettings,
+    time_s: FloatArray,
+    *,
+    slowest_mps: float,
+    reaction_s: float = REACTION_S,
+) -> BoolArray:
+    """(N, n) which of the (T,) times come before a robot at each of (N,) speeds has stopped.
+
+    None do at speeds of up to slowest_mps. The columns end with the last one that holds a time.
+    """
+    fast_mps = np.abs(speed_mps)
+    stopping_s = fast_mps / robot.acc_lim_x_mps2 + reaction_s
+    stopping_s[fast_mps <= slowest_mps] = -1.0
+    n_columns = time_s.searchsorted(stopping_s.max(initial=-1.0), side="right")
+    before: BoolArray = time_s[:n_columns] <= stopping_s[:, None]
+    return before
+
 
 _FORBIDDEN = 1e6
 _SLOWEST_MPS = 1e-3
 _STANDS_MPS = 0.05
 #: Time (s) within which a sampled command must be reachable.
-WINDOW_S = 0.3
+_WINDOW_S = 0.3
 #: How long (s) a sampled turn lasts before the rollout goes straight on.
 _TURN_TIME_S = 0.4
 #: How long (s) a blocked robot may turn in place before it drives on.
@@ -45,21 +152,17 @@ _TURNING_WEIGHT = 0.01
 class DwaPlanner:
     """Drives to a waypoint around people and away from walls.
 
-    approach_s: time constant (s) with which the chosen speed is approached, where that hits
-    nothing; 0: as fast as the robot can. Samples are up to 0.2 m/s apart and move with the speed,
-    so that the chosen one jumps from step to step.
     is_blocked: whether every motion was forbidden at the last step.
     """
 
-    def __init__(self, scenario: Scenario, approach_s: float = 0.0) -> None:
-        self._approach = min(1.0, scenario.control_period_s / approach_s) if approach_s else 1.0
+    def __init__(self, scenario: Scenario) -> None:
         self._settings = scenario.local_planner
         self._robot = self._settings.limited(scenario.robot)
         step_s = self._settings.time_granularity
         count = max(2, round(self._settings.sim_time / step_s))
         require_foresight("local_planner.sim_time", count * step_s, self._robot)
         self._time_s: FloatArray = step_s * np.arange(1, count + 1, dtype=np.float64)
-        self._costs = RolloutCosts(scenario, CostSettings(), self._time_s)
+        self._costs = RolloutCosts(scenario, self._time_s)
         spread = np.linspace(-1.0, 1.0, self._settings.vtheta_samples)
         self._turn_shares: FloatArray = np.sign(spread) * np.abs(spread) ** 1.5
         self.is_blocked = False
@@ -84,13 +187,7 @@ class DwaPlanner:
         if self.is_blocked and abs(observation.speed_mps) < _STANDS_MPS:
             return self._turn_to_leave(observation, around, waypoint)
         best_v, best_w = divmod(int(cost.argmin()), len(turns))
-        speed, turn = float(speeds[best_v]), turns[best_w : best_w + 1]
-        if self._approach < 1.0:
-            way = self._approach * (speed - observation.speed_mps)
-            nearer = np.array([min(max(observation.speed_mps + way, 0.0), float(speeds.max()))])
-            if self._cost(observation, around, waypoint, nearer, turn)[0, 0] < _FORBIDDEN:
-                speed = float(nearer[0])
-        return Command(speed, float(turn[0]))
+        return Command(float(speeds[best_v]), float(turns[best_w]))
 
     def _samples(
         self, observation: Observation, distance_m: float
@@ -98,7 +195,7 @@ class DwaPlanner:
         """Speeds (V,) forward, slow enough to stop at the waypoint, the last one 0; turns (W,)."""
         robot = self._robot
         (slowest, fastest), (rightmost, leftmost) = reachable_window(
-            robot, observation.speed_mps, observation.yaw_rate_radps, WINDOW_S
+            robot, observation.speed_mps, observation.yaw_rate_radps, _WINDOW_S
         )
         fastest = max(min(fastest, speed_to_stop_within(distance_m, robot)), 0.0)
         slowest = min(max(slowest, 0.0), fastest)

@@ -14,12 +14,13 @@ from typing import Protocol
 import numpy as np
 
 from serd_sim.crowd.social_force import model_named
+from serd_sim.planning.dwa import DwaPlanner
 from serd_sim.planning.settings import PlannerSettings
-from serd_sim.robot.unicycle import limited_velocity
+from serd_sim.planning.sight import Sight
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
-from serd_sim.world.command import STOP, Command
+from serd_sim.world.command import STOP, Command, limited_velocity
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 
@@ -68,6 +69,11 @@ def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Beh
     return (Command(-back_mps, 0.0), settings.backup_dist / back_mps), spin, wait
 
 
+def make_planner(scenario: Scenario) -> "RecoveringPlanner":
+    """The dynamic window planner with its recoveries, for the scenario's walls and robot."""
+    return RecoveringPlanner(DwaPlanner(scenario), scenario)
+
+
 class RecoveringPlanner:
     """A planner with recoveries; `status`: that of Nav2's FollowPath."""
 
@@ -80,6 +86,7 @@ class RecoveringPlanner:
         self._at_waypoint_m = min(_AT_WAYPOINT_M, _AT_WAYPOINT_CELLS * scenario.cell_size_m)
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self._walls = wall_distance_raster(scenario)
+        self._sight = Sight(scenario)
         self._behaviours = behaviours_of(self._settings, self._limits)
         self.reset()
 
@@ -112,7 +119,8 @@ class RecoveringPlanner:
         return Command(*limited_velocity(command, *speeds, limits, self._period_s))
 
     def _wanted(self, observation: Observation, waypoint: Waypoint | None) -> Command:
-        command = self.planner.step(observation, waypoint)
+        aim = None if waypoint is None else self._sight.aim(observation, waypoint)
+        command = self.planner.step(observation, aim)
         if waypoint is None or self._is_at(observation, waypoint):
             self._begin_anew()
             return command

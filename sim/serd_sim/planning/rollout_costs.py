@@ -12,15 +12,66 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.planning.nearby_people import (
-    PredictedPeople,
-    distance_to_nearest,
-    predict_nearby,
-)
+from serd_sim.scenario.cells import WALL_MARGIN_M
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedPeople:
+    """x_m, y_m: (K, T) positions of K people at the given times; now_x_m, now_y_m: (K, 1)."""
+
+    x_m: FloatArray
+    y_m: FloatArray
+    now_x_m: FloatArray
+    now_y_m: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.x_m)
+
+
+def predict_nearby(
+    observation: Observation, range_m: float, most: int, time_s: FloatArray
+) -> PredictedPeople:
+    """Constant-velocity prediction of at most `most` people: the nearest within the range.
+
+    People without a finite position are left out; those without a finite velocity stand.
+    """
+    position_m, velocity_mps = observation.people_position_m, observation.people_velocity_mps
+    away_x, away_y = position_m[:, 0] - observation.x_m, position_m[:, 1] - observation.y_m
+    squared = away_x * away_x + away_y * away_y
+    near = (squared < range_m * range_m).nonzero()[0]
+    if len(near) > most:
+        near = near[squared[near].argsort(kind="stable")[:most]]
+    position_m, velocity_mps = position_m[near], velocity_mps[near]
+    finite = np.isfinite(velocity_mps)
+    if not finite.all():
+        velocity_mps = np.where(finite.all(axis=1, keepdims=True), velocity_mps, 0.0)
+    now_x_m, now_y_m = position_m[:, :1], position_m[:, 1:]
+    return PredictedPeople(
+        now_x_m + velocity_mps[:, :1] * time_s,
+        now_y_m + velocity_mps[:, 1:] * time_s,
+        now_x_m,
+        now_y_m,
+    )
+
+
+def distance_to_nearest(
+    x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
+) -> FloatArray:
+    """Distance from each point (..., T) to the nearest of K people, inf without any.
+
+    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand. A point (1,) is that of a robot
+    that stands, at all times.
+    """
+    squared = np.full((*x_m.shape[:-1], max(x_m.shape[-1], people_x_m.shape[-1])), np.inf)
+    for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
+        np.minimum(squared, np.square(x_m - person_x) + np.square(y_m - person_y), out=squared)
+    distance: FloatArray = np.sqrt(squared, out=squared)
+    return distance
+
 
 _NO_NEARER_M = 1e-3
 #: Side (m) of a cell of the wall raster, where cells of the grid have 1 m.
@@ -39,7 +90,7 @@ class CostSettings:
     person_margin_m, stopped_margin_m: to a person who walks straight on, and who stops.
     """
 
-    wall_margin_m: float = 0.05
+    wall_margin_m: float = WALL_MARGIN_M
     person_margin_m: float = 0.08
     stopped_margin_m: float = 0.02
     people_range_m: float = 3.5
@@ -52,6 +103,9 @@ class CostSettings:
     foresight_s: float = 0.8
     wall_weight: float = 0.3
     wall_decay_m: float = 0.12
+
+
+_COSTS = CostSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +126,9 @@ class Surroundings:
 class RolloutCosts:
     """Costs of rollouts in one scenario, at the times (T,) of their points."""
 
-    def __init__(self, scenario: Scenario, settings: CostSettings, time_s: FloatArray) -> None:
+    def __init__(
+        self, scenario: Scenario, time_s: FloatArray, settings: CostSettings = _COSTS
+    ) -> None:
         self.settings = settings
         self._time_s = time_s
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m

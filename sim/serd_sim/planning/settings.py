@@ -40,29 +40,10 @@ class PlannerSettings(StrictModel):
         0.1, "stand still nearer than this to the waypoint", unit="m", gt=0
     )
 
-    sim_time: float = setting(1.4, "dwa: horizon of a rollout", unit="s", gt=0, le=20)
-    time_granularity: float = setting(0.1, "dwa: step of a rollout", unit="s", ge=0.01, le=1.0)
-    vx_samples: int = setting(9, "dwa: sampled speeds", ge=3, le=200)
-    vtheta_samples: int = setting(21, "dwa: sampled turning rates", ge=3, le=200)
-
-    batch_size: int = setting(300, "mppi: sampled plans", ge=2, le=20000)
-    time_steps: int = setting(14, "mppi: steps of a plan", ge=2, le=200)
-    model_dt: float = setting(0.1, "mppi: length of a step", unit="s", ge=0.01, le=1.0)
-    temperature: float = setting(
-        0.08, "mppi: a lower temperature gives the best plan more weight", gt=0
-    )
-    vx_std: float = setting(
-        2.0,
-        "mppi: standard deviation of the sampled accelerations (in Nav2, of speeds)",
-        unit="m/s²",
-        gt=0,
-    )
-    wz_std: float = setting(
-        6.0,
-        "mppi: standard deviation of the sampled turning accelerations (in Nav2, of rates)",
-        unit="rad/s²",
-        gt=0,
-    )
+    sim_time: float = setting(1.4, "horizon of a rollout", unit="s", gt=0, le=20)
+    time_granularity: float = setting(0.1, "step of a rollout", unit="s", ge=0.01, le=1.0)
+    vx_samples: int = setting(9, "sampled speeds", ge=3, le=200)
+    vtheta_samples: int = setting(21, "sampled turning rates", ge=3, le=200)
 
     required_movement_radius: float = setting(
         0.5, "a robot that moves less than this is stuck", unit="m", gt=0

@@ -2,7 +2,7 @@
 
 The controller is that of a differential drive, (v, w) -> (v -+ w L / 2) / r, with limits of
 acceleration on the commanded velocity; odometry is its inverse on the wheels' angles. Both assume
-the radius r and the separation L, which may differ from those of the body.
+the radius r, which may differ from that of the body.
 
 A world is built anew for each start, because contacts carry hidden state from substep to substep,
 which only a new world is free of.
@@ -15,26 +15,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from serd_sim.crowd.crowd import Crowd
-from serd_sim.crowd.distances import WallGeometry
 from serd_sim.crowd.robots import RobotBody
+from serd_sim.crowd.social_force import WallGeometry
 from serd_sim.errors import SimError
 from serd_sim.robot.bullet import (
     BulletClient,
+    Moving,
+    PeopleBodies,
+    Velocity,
     add_wall,
     close,
     let_move_freely,
     load_urdf,
+    near_people,
     new_world,
     pybullet,
     turned,
 )
-from serd_sim.robot.contacts import Touches
-from serd_sim.robot.people_bodies import Moving, PeopleBodies, Velocity, near_people
-from serd_sim.robot.robot import RobotState
-from serd_sim.robot.unicycle import limited_velocity
+from serd_sim.robot.robot import RobotState, Touches
 from serd_sim.robot.urdf import conjugate, product, rotated, yaw_of
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.command import Command
+from serd_sim.world.command import Command, limited_velocity
 
 Wheels = tuple[float, float]
 
@@ -76,14 +77,14 @@ class PhysicalRobot:
         self._drive = settings.differential_drive()
         self._rolling_radius_m = settings.rolling_radius_m(self._drive)
         self._wheel_radius_m = settings.wheel_radius_m or self._rolling_radius_m
-        self._separation_m = settings.wheel_separation_m or self._drive.separation_m
+        self._separation_m = self._drive.separation_m
         self._torques_nm = (settings.wheel_torque_nm, settings.wheel_torque_nm)
         self._n_substeps = math.ceil(self._step_s / _LONGEST_SUBSTEP_S - 1e-9)
         self._substep_s = self._step_s / self._n_substeps
         self._wheels_radps: Wheels = (0.0, 0.0)
         self._wall_segments_m = scenario.wall_segments_m
         self._wall_geometry = WallGeometry(scenario.wall_segments_m)
-        self.state = PhysicalState(0.0, 0.0, (0.0, 1.0))
+        self.state = PhysicalState((0.0, 0.0, 0.0))
         self.wheel_motion: tuple[float, float] | None = None
         self.wall_distance_m = math.inf
         self._client: BulletClient = None
@@ -93,7 +94,7 @@ class PhysicalRobot:
         """Put the robot on the floor of a new world and give it a velocity."""
         self._build()
         turn = turned(start.pose[2])
-        root_m = (start.x_m, start.y_m, self._rolling_radius_m - self._drive.axle_height_m)
+        root_m = (*start.pose[:2], self._rolling_radius_m - self._drive.axle_height_m)
         place = np.add(root_m, rotated(turn, self._mass_in_root[0]))
         turn = product(turn, self._mass_in_root[1])
         self._client.resetBasePositionAndOrientation(self._robot, place, turn)
@@ -113,7 +114,7 @@ class PhysicalRobot:
         velocities = crowd.velocity_mps
         places = crowd.position_m - self._step_s * velocities
         reach_m = self._settings.radius_m + self._person_radius_m
-        away_m = np.hypot(places[:, 0] - before.x_m, places[:, 1] - before.y_m)
+        away_m = np.hypot(*(places - before.pose[:2]).T)
         near = near_people(away_m, reach_m, self._step_s, places, velocities)
         people, wall = self.roll(self._speeds_of_wheels(target), near)
         touches = Touches({person: self._is_by_robot(person, crowd) for person in people}, wall)
@@ -152,9 +153,8 @@ class PhysicalRobot:
     @property
     def body(self) -> RobotBody:
         """The robot as people feel it."""
-        return RobotBody(
-            self.state.x_m, self.state.y_m, *self.state.velocity_mps, self._settings.radius_m
-        )
+        state = self.state
+        return RobotBody(*state.pose[:2], *state.velocity_mps, self._settings.radius_m)
 
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
@@ -187,16 +187,14 @@ class PhysicalRobot:
             sign * state[0] for sign, state in zip(self._drive.turns_forward, wheels, strict=True)
         )
         self.state = PhysicalState(
-            place[0] - mass_x_m,
-            place[1] - mass_y_m,
-            (math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)),
+            (place[0] - mass_x_m, place[1] - mass_y_m, math.remainder(yaw_rad, math.tau)),
             vx_mps * math.cos(yaw_rad) + vy_mps * math.sin(yaw_rad),
             rates[2],
             (vx_mps, vy_mps),
             (left, right),
             target,
         )
-        self.wall_distance_m = self._wall_geometry.nearest_m(self.state.x_m, self.state.y_m)
+        self.wall_distance_m = self._wall_geometry.nearest_m(*self.state.pose[:2])
 
     def _build(self) -> None:
         self.close()
@@ -244,7 +242,7 @@ class PhysicalRobot:
             client.changeDynamics(
                 body,
                 link,
-                lateralFriction=drive.friction.get(name, friction),
+                lateralFriction=friction,
                 restitution=0.0,
                 **(frame if name in drive.massless else {}),
             )

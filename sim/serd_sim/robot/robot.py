@@ -1,119 +1,150 @@
-"""The motion of a robot that has the commanded velocity, within its limits and outside walls."""
+"""A robot that has the commanded velocity, within its limits and outside walls; its contacts.
+
+A contact begins when the bodies touch and ends when they are a little apart again, so that one
+bump counts once. It is the robot's when it closes in faster than the person does. Without physics
+bodies touch when they overlap.
+"""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from serd_core.arrays import BoolArray
 from serd_sim.crowd.crowd import Crowd
-from serd_sim.crowd.distances import WallGeometry
 from serd_sim.crowd.robots import RobotBody
-from serd_sim.robot.bullet import close, new_world, pybullet
-from serd_sim.robot.contacts import Touches
-from serd_sim.robot.unicycle import chord_velocity, limited_velocity
+from serd_sim.crowd.social_force import WallGeometry
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.command import Command
+from serd_sim.world.command import Command, chord_velocity, limited_velocity
 from serd_sim.world.observation import Pose
+
+_TOUCH_M = 0.0
+_APART_M = 0.05
+
+
+@dataclass(frozen=True)
+class ContactCounts:
+    """Contacts begun so far in an episode."""
+
+    robot_on_person: int = 0
+    person_on_robot: int = 0
+    robot_on_wall: int = 0
+
+
+@dataclass(frozen=True)
+class Touches:
+    """What touched the robot during a control period.
+
+    people: whether the robot closed in faster, by the index of each person who did.
+    """
+
+    people: Mapping[int, bool]
+    wall: bool
+
+
+class ContactCounter:
+    """Counts contacts over an episode of `n_people` people."""
+
+    def __init__(self, n_people: int) -> None:
+        self.counts = ContactCounts()
+        self.minimum_distance_m = np.inf
+        self._touching: BoolArray = np.zeros(n_people, dtype=np.bool_)
+        self._touching_wall = False
+
+    def update(
+        self, crowd: Crowd, robot: RobotBody, wall_distance_m: float, touches: Touches | None = None
+    ) -> None:
+        """Count what touches now; distances are between surfaces. touches: those of the physics."""
+        on_person = on_robot = 0
+        if len(crowd):
+            on_person, on_robot = self._update_people(crowd, robot, touches)
+        gap = wall_distance_m - robot.radius_m
+        touch = gap < _TOUCH_M if touches is None else touches.wall
+        on_wall = int(touch and not self._touching_wall)
+        self._touching_wall = touch or (self._touching_wall and gap < _APART_M)
+        if on_person or on_robot or on_wall:
+            self.counts = ContactCounts(
+                robot_on_person=self.counts.robot_on_person + on_person,
+                person_on_robot=self.counts.person_on_robot + on_robot,
+                robot_on_wall=self.counts.robot_on_wall + on_wall,
+            )
+
+    def _update_people(
+        self, crowd: Crowd, robot: RobotBody, touches: Touches | None
+    ) -> tuple[int, int]:
+        away_x, away_y = crowd.x_m - robot.x_m, crowd.y_m - robot.y_m
+        distance = np.sqrt(away_x * away_x + away_y * away_y)
+        gap = distance - (robot.radius_m + crowd.body_radius_m)
+        nearest = float(gap.min())
+        self.minimum_distance_m = min(self.minimum_distance_m, nearest)
+        if nearest >= _APART_M and not (touches and touches.people):
+            self._touching[:] = False
+            return 0, 0
+        if touches is None:
+            touch = gap < _TOUCH_M
+            robots = away_x * robot.velocity_x_mps + away_y * robot.velocity_y_mps
+            persons = -(away_x * crowd.velocity_x_mps + away_y * crowd.velocity_y_mps)
+            by_robot = robots > np.maximum(persons, 0.0)
+        else:
+            touch, by_robot = np.zeros((2, len(crowd)), dtype=np.bool_)
+            touch[list(touches.people)] = True
+            by_robot[list(touches.people)] = list(touches.people.values())
+        new = touch & ~self._touching
+        by_robot &= new
+        self._touching = touch | (self._touching & (gap < _APART_M))
+        return int(by_robot.sum()), int((new & ~by_robot).sum())
+
 
 _CORNER_PASSES = 3
 
 
 @dataclass(frozen=True)
 class RobotState:
-    """Where the robot is and how it moves.
+    """Where the robot is and how it moves; pose: (x_m, y_m, yaw_rad), yaw in [-pi, pi]."""
 
-    half_turn: (z, w) of the orientation quaternion, which is what the physics world integrates.
-    """
-
-    x_m: float
-    y_m: float
-    half_turn: tuple[float, float]
+    pose: Pose
     speed_mps: float = 0.0
     yaw_rate_radps: float = 0.0
-
-    @property
-    def pose(self) -> Pose:
-        """(x_m, y_m, yaw_rad), yaw in [-pi, pi]."""
-        z, w = self.half_turn
-        return self.x_m, self.y_m, 2.0 * (math.atan2(z, w) if w >= 0 else math.atan2(-z, -w))
 
 
 def standing_at(pose: Pose) -> RobotState:
     """State of a robot that stands at a pose."""
-    half = 0.5 * pose[2]
-    return RobotState(pose[0], pose[1], (math.sin(half), math.cos(half)))
+    return RobotState((*pose[:2], math.remainder(pose[2], math.tau)))
 
 
 class KinematicRobot:
-    """Drives commands exactly; `state` is the truth.
-
-    A cylinder in a PyBullet world of its own has the velocity it is set to. Nothing touches it: the
-    robot keeps it out of the walls.
-    """
+    """Drives commands exactly, outside walls; `state` is the truth."""
 
     #: It has no wheels.
     wheel_motion: tuple[float, float] | None = None
 
     def __init__(self, scenario: Scenario) -> None:
-        self._settings = robot = scenario.robot
-        self._step_s = scenario.control_period_s
-        self._client = client = new_world()
-        # Called in every period: a client looks a function up anew each time.
-        self._set_pose = client.resetBasePositionAndOrientation
-        self._pose_of = client.getBasePositionAndOrientation
-        self._set_velocity, self._step = client.resetBaseVelocity, client.stepSimulation
-        client.setGravity(0, 0, 0)
-        client.setPhysicsEngineParameter(fixedTimeStep=self._step_s, numSubSteps=0)
-        cylinder = pybullet.GEOM_CYLINDER
-        shape = client.createCollisionShape(cylinder, radius=robot.radius_m, height=robot.height_m)
-        self._body: int = client.createMultiBody(20.0, shape, -1, (0, 0, 0.5 * robot.height_m))
-        client.changeDynamics(
-            self._body,
-            -1,
-            lateralFriction=0.0,
-            linearDamping=0.0,
-            angularDamping=0.0,
-            restitution=0.0,
-            localInertiaDiagonal=(0.0, 0.0, 1.0),
-            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-        )
+        self._settings, self._step_s = scenario.robot, scenario.control_period_s
         self._walls = WallGeometry(scenario.wall_segments_m)
         self.state = standing_at((0.0, 0.0, 0.0))
         self.wall_distance_m = math.inf
 
     def place(self, state: RobotState) -> None:
         """Set the pose and the velocity of the robot."""
-        self._put(state)
         self.state = state
-        self.wall_distance_m = self._walls.nearest_m(self.state.x_m, self.state.y_m)
+        self.wall_distance_m = self._walls.nearest_m(*state.pose[:2])
 
     def drive(self, command: Command, _crowd: Crowd) -> Touches | None:
         """One control period towards the command; what a wall takes of the speed is lost."""
-        before = self.state
-        speed, yaw_rate = limited_velocity(
-            command, before.speed_mps, before.yaw_rate_radps, self._settings, self._step_s
-        )
-        chord = chord_velocity(before.pose[2], speed, yaw_rate, self._step_s)
-        # From the state, not from where Bullet has the robot: its matrix differs from what the
-        # quaternion gives in the last bit.
-        self._put(before)
-        self._set_velocity(self._body, (*chord, 0.0), (0.0, 0.0, yaw_rate))
-        self._step()
-        (x_m, y_m, _), (_, _, z, w) = self._pose_of(self._body)
-        self.state = RobotState(x_m, y_m, (z, w), speed, yaw_rate)
-        self.wall_distance_m = self._walls.nearest_m(self.state.x_m, self.state.y_m)
+        before, step_s = self.state, self._step_s
+        speeds = before.speed_mps, before.yaw_rate_radps
+        speed, yaw_rate = limited_velocity(command, *speeds, self._settings, step_s)
+        x_m, y_m, yaw_rad = before.pose
+        vx_mps, vy_mps = chord_velocity(yaw_rad, speed, yaw_rate, step_s)
+        pose = x_m + step_s * vx_mps, y_m + step_s * vy_mps, yaw_rad + step_s * yaw_rate
+        self.place(replace(standing_at(pose), speed_mps=speed, yaw_rate_radps=yaw_rate))
         if self.wall_distance_m < self._settings.radius_m:
             self._leave_walls(before.pose)
         return None
 
     def close(self) -> None:
-        """Give PyBullet's world back; a second call does nothing."""
-        close(self._client)
-
-    def _put(self, state: RobotState) -> None:
-        place_m = (state.x_m, state.y_m, 0.5 * self._settings.height_m)
-        turn = (0.0, 0.0, *state.half_turn)
-        self._set_pose(self._body, place_m, turn)
+        """Do nothing: it has no world of its own."""
 
     def _leave_walls(self, before: Pose) -> None:
         """Slide along the walls: out of them, with what is left of the speed along the heading.
@@ -131,8 +162,7 @@ class KinematicRobot:
             y_m += depth * float(self._walls.dy_m[0, wall]) / max(distance, 1e-9)
             self._walls.nearest_m(x_m, y_m)
         moved = (x_m - before[0]) * math.cos(yaw_rad) + (y_m - before[1]) * math.sin(yaw_rad)
-        self.state = replace(self.state, x_m=x_m, y_m=y_m, speed_mps=moved / self._step_s)
-        self._put(self.state)
+        self.state = replace(self.state, pose=(x_m, y_m, yaw_rad), speed_mps=moved / self._step_s)
 
     @property
     def body(self) -> RobotBody:

@@ -37,7 +37,6 @@ class DifferentialDrive:
     turns_forward: +1 where a positive joint velocity drives forward, else -1.
     radius_m: of the wheels, None where their geometry is neither a cylinder nor a sphere.
     axle_height_m: of the wheels' centres in the root link's frame.
-    friction: coefficient by link, where the URDF has one in `<contact>`.
     massless: links without `<inertial>`.
     """
 
@@ -47,7 +46,6 @@ class DifferentialDrive:
     radius_m: float | None
     separation_m: float
     axle_height_m: float
-    friction: dict[str, float]
     massless: frozenset[str]
 
 
@@ -74,7 +72,6 @@ def read_differential_drive(
     )
     left_m, right_m = (position for position, _ in frames)
     _require_one_axis(path, left_m, right_m, (left_axis, right_axis))
-    frictions = {name: link.find("contact/lateral_friction") for name, link in links.items()}
     return DifferentialDrive(
         path=path,
         wheel_joints=(left_joint, right_joint),
@@ -82,11 +79,6 @@ def read_differential_drive(
         radius_m=_wheel_radius_m(path, links[names[0]]),
         separation_m=left_m[1] - right_m[1],
         axle_height_m=left_m[2],
-        friction={
-            name: _friction(path, name, found)
-            for name, found in frictions.items()
-            if found is not None
-        },
         massless=frozenset(name for name in links if links[name].find("inertial") is None),
     )
 
@@ -244,16 +236,6 @@ def _wheel_radius_m(path: Path, link: ET.Element) -> float | None:
                     )
                 return radius_m
     return None
-
-
-def _friction(path: Path, name: str, element: ET.Element) -> float:
-    friction = float(_numbers(element, "value", "nan")[0])
-    if not friction >= 0.0:
-        raise SimError(
-            f"{path}: the lateral_friction of link {name!r} must be a number from 0 on, got"
-            f" {element.get('value')!r}; set it"
-        )
-    return friction
 
 
 def _end(joint: ET.Element, which: str) -> str:

@@ -21,11 +21,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_sim.robot.unicycle import limited_velocity
 from serd_sim.safety.known_space import NO_POINTS
 from serd_sim.safety.reasons import Fault, GuardAction, Reason, Source
 from serd_sim.safety.settings import CREEP_MPS, GuardSettings
-from serd_sim.world.command import STOP, Command
+from serd_sim.world.command import STOP, Command, limited_velocity
 
 #: Shares of a command that are tried in turn.
 _SHARES = (1.0, 0.75, 0.5, 0.25)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
-from serd_sim.planning.nearby_people import distance_to_nearest
+from serd_sim.planning.rollout_costs import distance_to_nearest
 from serd_sim.safety.collision_monitor import CollisionMonitor, Obstacles
 from serd_sim.safety.input_monitor import (
     Check,
@@ -31,6 +31,8 @@ from serd_sim.safety.settings import CREEP_MPS, GuardSettings
 from serd_sim.world.command import STOP, Command
 
 _MOST_WAITING = 200
+#: A clock that advances more than this (s) at once begins a new session.
+_CLOCK_JUMP_S = 1.0
 _PEOPLE_UNKNOWN = Fault.FROZEN, Fault.INVALID, Fault.UNSEEN
 
 
@@ -183,7 +185,7 @@ class Guard:
             return
         if now_s < last_s:
             self.reset()
-        elif now_s - last_s > self.settings.clock_jump:
+        elif now_s - last_s > _CLOCK_JUMP_S:
             self._odometry.begin_session()
             self._poses.begin_session()
             self._space.begin_session()

@@ -25,6 +25,13 @@ _EARLY_S = 1e-9
 _WALKS_MPS = 0.05
 #: Error (m) allowed between the motions of twist and pose, and how late (s) a twist may be.
 _TWIST_ERROR_M, _TWIST_LAG_S = 0.15, 0.2
+#: Time (s) over which motions are compared, and for which a pose must be consistent after a jump.
+_WINDOW_S, _SECOND_LOOK_S = 2.0, 1.0
+#: Messages with the same people, some of them walking, that are frozen.
+_FROZEN_MESSAGES = 3
+#: Share of people in view whom the scan does not show, from which they are wrong, and for how long
+#: (s) it must show all of them then, or after a jump of the pose.
+_UNSEEN_PEOPLE, _PEOPLE_LOOK_S = 0.05, 10.0
 #: Longest stand (s) after a twist that was wrong again.
 _LONGEST_LOOK_S = 60.0
 #: A pose shows another speed than the twist from this difference (m/s, and share) on.
@@ -151,10 +158,10 @@ class PoseMonitor:
         if fault is not None:
             self._window.clear()
             self._fault, self._faulty_since_s = fault, stamp_s
-        elif stamp_s - self._faulty_since_s >= self._settings.second_look - _EARLY_S:
+        elif stamp_s - self._faulty_since_s >= _SECOND_LOOK_S - _EARLY_S:
             self._fault = None
         self._window.append((stamp_s, pose, odometry))
-        while self._window[0][0] < stamp_s - self._settings.consistency_window:
+        while self._window[0][0] < stamp_s - _WINDOW_S:
             self._window.popleft()
 
     def check(self) -> Check:
@@ -192,7 +199,7 @@ class OdometryMonitor:
 
     def __init__(self, settings: GuardSettings) -> None:
         self._settings = settings
-        self.track = PoseTrack(2.0 * settings.consistency_window)
+        self.track = PoseTrack(2.0 * _WINDOW_S)
         self.speeds = self._stated = (0.0, 0.0)
         #: Whether the newest pose is another place than speed can explain.
         self.has_leapt = False
@@ -203,7 +210,7 @@ class OdometryMonitor:
         #: speeds by the poses.
         self._window: deque[FloatArray] = deque()
         self._doubted_s: float | None = None
-        self._look_s = settings.second_look
+        self._look_s = _SECOND_LOOK_S
 
     def begin_session(self) -> None:
         """Discard the stamp of the last pose, after a gap in the clock."""
@@ -222,7 +229,7 @@ class OdometryMonitor:
             self._compare(stamp_s, pose, speeds)
         else:
             self.speeds = speeds
-        if self._jumped_s is not None and stamp_s - self._jumped_s >= settings.second_look:
+        if self._jumped_s is not None and stamp_s - self._jumped_s >= _SECOND_LOOK_S:
             self._jumped_s = None
         self._stamp_s, self._stated = stamp_s, speeds
         self.track.append(stamp_s, pose)
@@ -247,7 +254,7 @@ class OdometryMonitor:
         now = np.array([stamp_s, *stated, x_m, turn, abs(x_m), *moved])
         now[1:6] += self._window[-1][1:6] if self._window else 0.0
         self._window.append(now)
-        while self._window[0][0] < stamp_s - settings.consistency_window:
+        while self._window[0][0] < stamp_s - _WINDOW_S:
             self._window.popleft()
         change = now - self._window[0]
         _, stated_m, stated_rad, moved_m, turned_rad, way_m = change[:6]
@@ -260,15 +267,15 @@ class OdometryMonitor:
         )
         if wrong:
             doubled_s = min(2.0 * self._look_s, _LONGEST_LOOK_S)
-            self._look_s = doubled_s if on_trial else settings.second_look
+            self._look_s = doubled_s if on_trial else _SECOND_LOOK_S
             self._doubted_s = stamp_s
             self._window.clear()
         elif on_trial and way_m > _TWIST_ERROR_M:
-            self._doubted_s, self._look_s = None, settings.second_look
+            self._doubted_s, self._look_s = None, _SECOND_LOOK_S
 
     def check(self) -> Check:
         """What odometry allows."""
-        if self._n_same >= self._settings.frozen_messages - 1:
+        if self._n_same >= _FROZEN_MESSAGES - 1:
             return _stand_at(Fault.FROZEN)
         if self._jumped_s is not None:
             return 0.0, Fault.JUMP
@@ -301,26 +308,25 @@ class PeopleMonitor:
         """Take the places (N, 2) of the people in the frame of a scan, at its stamp."""
         seen, unseen = shown_by(scan, place_m, self._settings.person_radius)
         self._compared.append((scan.stamp_s, seen, unseen))
-        settings = self._settings
-        while self._compared[0][0] < scan.stamp_s - settings.consistency_window:
+        while self._compared[0][0] < scan.stamp_s - _WINDOW_S:
             self._compared.popleft()
         _, n_seen, n_unseen = map(sum, zip(*self._compared, strict=True))
         share = n_unseen / max(n_seen + n_unseen, 1)
-        are_wrong = n_unseen >= settings.frozen_messages and share >= settings.unseen_people
+        are_wrong = n_unseen >= _FROZEN_MESSAGES and share >= _UNSEEN_PEOPLE
         if unseen and (are_wrong or self._doubted_s is not None):
             self.doubt(scan.stamp_s)
-        elif self._doubted_s is not None and scan.stamp_s - self._doubted_s > settings.people_look:
+        elif self._doubted_s is not None and scan.stamp_s - self._doubted_s > _PEOPLE_LOOK_S:
             self._doubted_s = None
 
     def doubt(self, stamp_s: float) -> None:
-        """Ignore the people until the scan has shown all of them for `people_look`."""
+        """Ignore the people until the scan has shown all of them for 10 s."""
         self._doubted_s = stamp_s
 
     def check(self) -> Check:
         """What the people allow."""
         if not self._is_finite:
             return _stand_at(Fault.INVALID)
-        if self._n_same >= self._settings.frozen_messages:
+        if self._n_same >= _FROZEN_MESSAGES:
             return _stand_at(Fault.FROZEN)
         return _stand_at(None if self._doubted_s is None else Fault.UNSEEN)
 

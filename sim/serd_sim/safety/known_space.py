@@ -25,10 +25,10 @@ from functools import lru_cache
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_sim.planning.nearby_people import distance_to_nearest
+from serd_sim.planning.rollout_costs import distance_to_nearest
 from serd_sim.robot.sensors import range_to_lines
 from serd_sim.safety.motion import STANDING, Pose, compose, in_frame, motion_between, out_of_frame
-from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.scan import Scan, ScanGeometry, runs_of
 from serd_sim.safety.settings import GuardSettings
 
 #: Size (m) of the smallest obstacle that counts between rays.
@@ -42,6 +42,8 @@ _LOST_RAYS = 3
 _BESIDE = 2
 #: Ends that nothing shows any more are remembered for this time (s).
 _REMEMBERED_S = 10.0
+#: An obstacle stays for this time (s) where a ray that met it turns free.
+_HELD_S = 0.5
 #: The lidar looks in a direction where it has a ray within this angle (rad).
 _ABOUT_RAD = 0.1
 #: Scan points nearer than this (m) to the body of a person belong to that person.
@@ -133,7 +135,7 @@ class KnownSpace:
             lost |= self._rays_at_walls(scan, free, compose(in_map, mount))
         blind = unknown | lost
         age_s = scan.stamp_s - ends.stamp_s
-        held = gone & ~blind[ray] & (age_s <= settings.vanished_hold)
+        held = gone & ~blind[ray] & (age_s <= _HELD_S)
         left_m = np.maximum(away_m - settings.person_speed * age_s, 0.0)
         along_blind = inside & blind[ray]
         end_m = np.where(free, scan.geometry.range_max_m, scan.ranges_m.astype(np.float64))
@@ -311,14 +313,3 @@ def _known_m(
             )
             known_m[run] = np.maximum(known_m[run], seen_m)
     return known_m
-
-
-def runs_of(rays: BoolArray, *, closes: bool) -> list[IntArray]:
-    """Indices of the rays that are side by side, from the first to the last of each run."""
-    chosen = rays.nonzero()[0]
-    if not len(chosen):
-        return []
-    runs = np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1)
-    if closes and len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == len(rays) - 1:
-        runs[0] = np.concatenate([runs.pop(), runs[0]])
-    return runs

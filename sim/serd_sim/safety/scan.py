@@ -1,6 +1,7 @@
 """One scan of a lidar with the geometry that its message has, and what each of its rays states."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -141,3 +142,84 @@ def shown_by(scan: Scan, place_m: FloatArray, radius_m: float) -> tuple[int, int
     seen = is_ray & (np.abs(beyond) <= reach_m).any(axis=1)
     unseen = is_ray & (beyond > reach_m).all(axis=1)
     return int(seen.sum()), int(unseen.sum())
+
+
+def runs_of(rays: BoolArray, *, closes: bool) -> list[IntArray]:
+    """Indices of the rays that are side by side, from the first to the last of each run."""
+    chosen = rays.nonzero()[0]
+    if not len(chosen):
+        return []
+    runs = np.split(chosen, np.flatnonzero(np.diff(chosen) > 1) + 1)
+    if closes and len(runs) > 1 and runs[0][0] == 0 and runs[-1][-1] == len(rays) - 1:
+        runs[0] = np.concatenate([runs.pop(), runs[0]])
+    return runs
+
+
+#: Share of a scan's rays from which zeros count.
+_FEWEST = 0.02
+#: Share of the zeros on which a meaning must agree.
+_AGREE = 0.6
+#: Returns beside zeros are far from this share of range_max on, and near up to this distance (m)
+#: or twice range_min.
+_FAR, _NEAR_M = 0.5, 0.3
+_LEAST_RUN = 3
+_MEANINGS = {"free": "no return", "obstacle": "too near", "unknown": "nothing"}
+
+
+class ZeroRanges:
+    """Counts the zeros of scans by what stands beside them.
+
+    >>> ranges = np.array([4.0, 0.0, 0.0, 0.0, 4.5, 4.0], dtype=np.float32)
+    >>> zeros = ZeroRanges()
+    >>> zeros.take(Scan(0.0, ranges, ScanGeometry(0.0, 0.1, 0.1, 5.0)))
+    >>> zeros.seems_to_be
+    'free'
+    """
+
+    def __init__(self) -> None:
+        self._n_rays = 0
+        self._sends_inf = False
+        self._n_by_meaning: Counter[ZeroIs] = Counter()
+
+    def take(self, scan: Scan) -> None:
+        """Count a scan as it came."""
+        self._n_rays += len(scan.ranges_m)
+        zero = scan.ranges_m == 0.0
+        self._sends_inf |= bool(np.isposinf(scan.ranges_m).any())
+        near_m = max(_NEAR_M, 2.0 * scan.geometry.range_min_m)
+        far_m = _FAR * scan.geometry.range_max_m
+        for run in runs_of(zero, closes=scan.geometry.closes(len(zero))):
+            beside_m = scan.ranges_m[np.array([run[0] - 1, run[-1] + 1]) % len(zero)]
+            sides_m = beside_m[np.isfinite(beside_m) & (beside_m > 0.0)]
+            meaning: ZeroIs = "unknown"
+            if len(sides_m) == 2 and len(run) >= _LEAST_RUN and (sides_m >= far_m).all():
+                meaning = "free"
+            elif len(sides_m) == 2 and (sides_m <= near_m).all():
+                meaning = "obstacle"
+            self._n_by_meaning[meaning] += len(run)
+
+    @property
+    def share(self) -> float:
+        """Share of the rays that are 0."""
+        return self._n_by_meaning.total() / max(self._n_rays, 1)
+
+    @property
+    def seems_to_be(self) -> ZeroIs | None:
+        """What 0 seems to be, None where there are hardly any."""
+        if self.share < _FEWEST:
+            return None
+        meaning, count = self._n_by_meaning.most_common(1)[0]
+        if count < _AGREE * self._n_by_meaning.total() or (meaning == "free" and self._sends_inf):
+            return "unknown"
+        return meaning
+
+    def sentence(self, zero_is: ZeroIs) -> str:
+        """What the zeros seem to mean and what to set where `zero_is` differs; empty without."""
+        seems = self.seems_to_be
+        if seems is None:
+            return ""
+        found = f"{100.0 * self.share:.0f} % of the ranges are 0"
+        text = f"{found}, which seems to mean {_MEANINGS[seems]}"
+        if seems == zero_is:
+            return text
+        return f"{text}; set zero_is to {seems} if the manual of the lidar agrees, it is {zero_is}"

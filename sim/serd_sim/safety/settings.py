@@ -99,9 +99,6 @@ class GuardSettings(LidarPlace):
     transform_tolerance: float = setting(
         0.2, "a stamp this far in the future is a fault", unit="s", ge=0
     )
-    clock_jump: float = setting(
-        1.0, "a clock that advances more than this at once begins a new session", unit="s", gt=0
-    )
     override_timeout: float = setting(
         0.3, "an override lasts this long after its last message", unit="s", gt=0, le=1
     )
@@ -115,31 +112,8 @@ class GuardSettings(LidarPlace):
         gt=0,
         le=1,
     )
-    vanished_hold: float = setting(
-        0.5,
-        "time for which an obstacle stays where a ray that met it turns free",
-        unit="s",
-        ge=0,
-        le=10,
-    )
     frozen_motion: float = setting(
         0.03, "a scan or pose that is the same after this motion is frozen", unit="m", gt=0
-    )
-    frozen_messages: int = setting(
-        3, "messages with the same people, some of them walking, that are frozen", ge=2
-    )
-    unseen_people: float = setting(
-        0.05,
-        "share of people in view whom the scan does not show, from which they are wrong",
-        gt=0,
-        le=1,
-    )
-    people_look: float = setting(
-        10.0,
-        "time for which the scan must show all people in view after it did not, or after a jump"
-        " of the pose",
-        unit="s",
-        ge=0,
     )
     pose_tolerance: float = setting(
         0.15, "error allowed between the motion of pose and odometry", unit="m", gt=0
@@ -148,12 +122,6 @@ class GuardSettings(LidarPlace):
         0.25, "error allowed between the turn of pose and odometry", unit="rad", gt=0
     )
     drift_ratio: float = setting(0.1, "error allowed in addition, per motion or turn", ge=0)
-    consistency_window: float = setting(
-        2.0, "time over which motions of pose and odometry are compared", unit="s", gt=0
-    )
-    second_look: float = setting(
-        1.0, "time for which a pose must be consistent after a jump", unit="s", ge=0
-    )
 
     @model_validator(mode="after")
     def _consistent(self) -> "GuardSettings":

@@ -38,12 +38,24 @@ class WallDistanceRaster:
     distance_m: FloatArray
 
     def at(self, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
-        """Distance at points of any shape, from the nearest raster cell."""
+        """Distance at points of any shape, between the four raster cells around each."""
         rows, columns = self.distance_m.shape
         scale = 1.0 / self.resolution_m
-        column = ((x_m - self.origin_m[0]) * scale).astype(np.intp)
-        row = ((y_m - self.origin_m[1]) * scale).astype(np.intp)
-        found: FloatArray = self.distance_m[row.clip(0, rows - 1), column.clip(0, columns - 1)]
+        right = ((x_m - self.origin_m[0]) * scale - 0.5).clip(0.0, columns - 1.001)
+        up = ((y_m - self.origin_m[1]) * scale - 0.5).clip(0.0, rows - 1.001)
+        column, row = right.astype(np.intp), up.astype(np.intp)
+        right -= column
+        up -= row
+        row *= columns
+        row += column
+        flat = self.distance_m.ravel()
+        low, high = flat[row], flat[row + columns]
+        low += right * (flat[row + 1] - low)
+        high += right * (flat[row + columns + 1] - high)
+        high -= low
+        high *= up
+        high += low
+        found: FloatArray = high
         return found
 
 

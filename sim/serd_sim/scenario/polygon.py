@@ -5,7 +5,6 @@ start and end points. Rules that are checked once use shapely; what trajectories
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -15,14 +14,9 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 
 Point = tuple[float, float]
 _SMALLEST_AREA_M2 = 1e-9
-_BOX_MARGIN_M = 1e-3
-#: Points times edges that are computed at once.
-_LARGEST_BLOCK = 1_000_000
+_MARGIN_M = 1e-3
 #: Points of a tile, for all of which the walls are sorted out together that may be the nearest.
 _POINTS_OF_A_TILE = 200
-#: Least distance of a walkable cell's centre to the walls by default, as a share of its side: a
-#: robot cannot stand nearer, and the feature 1 / distance would outweigh that of every other cell.
-CLEAR_OF_WALLS = 0.1
 #: Sine of a turn below which two edges are one straight wall.
 _SMALLEST_TURN = 1e-9
 
@@ -54,24 +48,11 @@ def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
 
 
 def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
-    """(N,) whether each of the (N, 2) points lies inside the polygon (even-odd rule)."""
-    points = np.asarray(points_m, dtype=np.float64).reshape(-1, 2)
-    edges = edges_of(polygon_m)
-    start, end = np.moveaxis(edges, 1, 0)
-    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-    (west, south), (east, north) = start.min(axis=0), start.max(axis=0)
-    x, y = points.T
-    near = (x >= west - _BOX_MARGIN_M) & (x <= east + _BOX_MARGIN_M)
-    near &= (y >= south - _BOX_MARGIN_M) & (y <= north + _BOX_MARGIN_M)
-    inside = np.zeros(len(points), dtype=np.bool_)
-    rows = np.flatnonzero(near)
-    n_blocks = 1 + len(rows) * len(edges) // _LARGEST_BLOCK
-    for part in np.array_split(rows, n_blocks):
-        x, y = points[part, 0, None], points[part, 1, None]
-        straddles = (start[:, 1] > y) != (end[:, 1] > y)
-        crossing_x = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
-        inside[part] = np.sum(straddles & (x < crossing_x), axis=1) % 2 == 1
-    return inside
+    """(N,) whether each of the (N, 2) points lies inside the polygon."""
+    polygon = shapely.Polygon(np.asarray(polygon_m, dtype=np.float64))
+    shapely.prepare(polygon)
+    x_m, y_m = np.asarray(points_m, dtype=np.float64).reshape(-1, 2).T
+    return np.asarray(shapely.contains_xy(polygon, x_m, y_m), dtype=np.bool_)
 
 
 def contains_point(polygon_m: Sequence[tuple[float, float]], x_m: float, y_m: float) -> bool:
@@ -156,7 +137,7 @@ def _tiles(points_m: FloatArray) -> list[IntArray]:
     low, high = points_m.min(axis=0), points_m.max(axis=0)
     n_tiles = 1 + len(points_m) // _POINTS_OF_A_TILE
     side_m = max(float(np.sqrt(np.prod(high - low) / n_tiles)), float((high - low).max()) / n_tiles)
-    columns, rows = np.floor((points_m - low) / max(side_m, _BOX_MARGIN_M)).astype(np.int64).T
+    columns, rows = np.floor((points_m - low) / max(side_m, _MARGIN_M)).astype(np.int64).T
     tile = rows * (columns.max() + 1) + columns
     order = np.argsort(tile, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
@@ -166,43 +147,5 @@ def _may_be_nearest(points_m: FloatArray, walls_m: FloatArray) -> BoolArray:
     """(W,) whether a wall may be the nearest one of a point, by their distances to the middle."""
     low, high = points_m.min(axis=0), points_m.max(axis=0)
     away_m = distance_to_segments_m((low + high) / 2, walls_m)[0]
-    reach_m = float(np.linalg.norm(high - low)) + _BOX_MARGIN_M  # twice that of the farthest point
+    reach_m = float(np.linalg.norm(high - low)) + _MARGIN_M  # twice that of the farthest point
     return np.asarray(away_m <= away_m.min() + reach_m)
-
-
-@dataclass(frozen=True, eq=False)
-class WalkableCells:
-    """origin_m: lower-left corner of the cells; walkable: (rows, columns), row 0 the lowest y."""
-
-    origin_m: tuple[float, float]
-    cell_size_m: float
-    walkable: BoolArray
-
-    @property
-    def centers_m(self) -> FloatArray:
-        """(S, 2) centres of the walkable cells, row by row."""
-        row_column = np.argwhere(self.walkable)
-        centers: FloatArray = np.array(self.origin_m) + (row_column[:, ::-1] + 0.5) * (
-            self.cell_size_m
-        )
-        return centers
-
-
-def walkable_cells(
-    outline_m: ArrayLike,
-    solids_m: Sequence[ArrayLike],
-    cell_size_m: float,
-    clearance_m: float | None = None,
-) -> WalkableCells:
-    """Cells over the bounds of the outline; walkable are those with a centre clear of all walls.
-
-    clearance_m: least distance of a walkable centre; None for a tenth of a cell. With half a cell
-    no wall, however thin, lies between the centres of two walkable cells side by side.
-    """
-    least_m = CLEAR_OF_WALLS * cell_size_m if clearance_m is None else clearance_m
-    corners = np.asarray(outline_m, dtype=np.float64)
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    centers, shape = cell_centers(low, high, cell_size_m)
-    distance = signed_wall_distance_m(centers, [corners, *solids_m])
-    walkable = distance >= least_m
-    return WalkableCells((float(low[0]), float(low[1])), cell_size_m, walkable.reshape(shape))

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
 
 from serd_bag.errors import shortened
 from serd_core.arrays import BoolArray, FloatArray
@@ -12,6 +13,7 @@ from serd_files.yaml_config import dotted
 from serd_sim.crowd.routes import offset_loop
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
+from serd_sim.scenario.cells import groups_of, narrowest
 from serd_sim.scenario.polygon import (
     Point,
     contains,
@@ -53,6 +55,11 @@ def require_consistent(scenario: "Scenario") -> None:
                 f", got {_listed(solid)}; move it or leave it out"
             )
     require_cell_count(scenario.walkable_area_m, scenario.cell_size_m)
+    if not scenario.cells.walkable.any():
+        raise ValueError(
+            f"robot.radius_m must leave room in walkable_area_m, where no place is"
+            f" {scenario.needs_m:g} m from all walls, got {scenario.robot.radius_m:g}; lower it"
+        )
     _require_cells("goal_area_m", scenario.goal_area_m, scenario)
     for key, area in scenario.start_areas_m.items():
         _require_start(f"start_areas_m.{key}", area, scenario)
@@ -143,22 +150,22 @@ def _require_cells(name: str, area: Sequence[Point], scenario: "Scenario") -> Fl
 
 
 def _require_start(name: str, area: Sequence[Point], scenario: "Scenario") -> None:
-    """A start area has a cell with room for the robot, ways to the goal, and no start in it."""
+    """A start area has a cell for the robot, ways to the goal, and no start in it."""
     cells, goal = scenario.cells, scenario.goal_area_m
     size_m, radius_m = cells.cell_size_m, scenario.robot.radius_m
     inside = _require_cells(name, area, scenario)
-    if not has_room(inside, size_m, scenario.wall_segments_m, radius_m).any():
+    fits = scenario.cell_clearance_m is None
+    if not (fits or has_room(inside, size_m, scenario.wall_segments_m, radius_m).any()):
         raise ValueError(
             f"{name} must have a cell with room for the robot, whose robot.radius_m is {radius_m:g}"
             f", got {_listed(area)}; move it away from the walls or make the robot smaller"
         )
-    linked = _linked_to(contains(goal, cells.centers_m), cells.walkable)
-    cut_off = contains(area, cells.centers_m) & ~linked
+    group = groups_of(cells.walkable)[cells.walkable]
+    at_goal = contains(goal, cells.centers_m)
+    cut_off = contains(area, cells.centers_m) & ~np.isin(group, group[at_goal])
     if cut_off.any():
-        raise ValueError(
-            f"goal_area_m must be reachable from {name}, but no way over cells of {size_m:g} m"
-            f" leads there from {cells.centers_m[np.argmax(cut_off)].tolist()}; open one"
-        )
+        place = cells.middles_m[np.argmax(cut_off)]
+        raise ValueError(_cut_off(name, place, cells.middles_m[at_goal], scenario))
     spread_m = START_SPREAD * size_m * np.array([-1.0, 0.0, 1.0])
     offsets_m = np.stack(np.meshgrid(spread_m, spread_m), axis=-1).reshape(-1, 2)
     starts_m = (inside[:, None] + offsets_m).reshape(-1, 2)
@@ -168,6 +175,24 @@ def _require_start(name: str, area: Sequence[Point], scenario: "Scenario") -> No
             f"{name} must keep clear of goal_area_m, but a robot that starts in the cell at "
             f"{inside[np.argmax(in_goal)].tolist()} is there at once; move one of them"
         )
+
+
+def _cut_off(name: str, start_m: FloatArray, goals_m: FloatArray, scenario: "Scenario") -> str:
+    """Why no way over cells leads from a place to the goal."""
+    text = f"goal_area_m must be reachable from {name}, but "
+    ends = shapely.Point(start_m), shapely.MultiPoint(goals_m)
+    gap = narrowest(scenario.walkable_area_m, scenario.solids_m, *ends, scenario.needs_m)
+    if gap is None or gap[0] == 0.0 or scenario.cell_clearance_m is not None:
+        return (
+            f"{text}no way over cells of {scenario.cell_size_m:g} m leads there from"
+            f" {start_m.round(3).tolist()}; open one"
+        )
+    width_m, (x_m, y_m) = gap
+    return (
+        f"{text}the way is {width_m:.2f} m wide at ({x_m:.2f}, {y_m:.2f}) m, and the robot needs"
+        f" {2.0 * scenario.needs_m:.2f} m; widen it, or lower robot.radius_m"
+        f" ({scenario.robot.radius_m:g})"
+    )
 
 
 def has_room(
@@ -227,25 +252,6 @@ def _require_walkable(what: str, fix: str, line_m: FloatArray, scenario: "Scenar
         raise ValueError(
             f"{what} must cross no wall, but the leg from {start} to {end} does; {fix}"
         )
-
-
-def _linked_to(goal: BoolArray, walkable: BoolArray) -> BoolArray:
-    """(S,) whether moves from cell to cell join each walkable cell to one of the goal.
-
-    `scipy.ndimage.label` would find it as well, but takes 0.2 s of every node's start to import.
-    """
-    reached = np.zeros_like(walkable)
-    reached[walkable] = goal
-    while True:
-        grown = reached.copy()
-        grown[1:] |= reached[:-1]
-        grown[:-1] |= reached[1:]
-        grown[:, 1:] |= reached[:, :-1]
-        grown[:, :-1] |= reached[:, 1:]
-        grown &= walkable
-        if np.array_equal(grown, reached):
-            return reached[walkable]
-        reached = grown
 
 
 def _listed(points: Sequence[Point]) -> list[list[float]]:

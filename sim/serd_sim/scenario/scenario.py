@@ -1,13 +1,12 @@
 """A scenario: the place, its walkers, the robot and its task, as one YAML file (metres, seconds).
 
-The walkable area is one simple polygon; its edges and those of the obstacles are the walls. Loops
-are written as right-hand traffic walks them; `flow_convention: left_hand` walks them backwards.
+The walkable area is one simple polygon; its edges and those of the obstacles are the walls.
 """
 
 import hashlib
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError, model_validator
@@ -19,23 +18,29 @@ from serd_files.yaml_config import StrictModel, load_yaml_model, sentence_of
 from serd_sim.errors import SimError
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario import rules
+from serd_sim.scenario.cells import (
+    WALL_MARGIN_M,
+    WalkableCells,
+    cells_for_footprint,
+    cells_with_clearance,
+)
 from serd_sim.scenario.names import scenario_file
 from serd_sim.scenario.polygon import (
-    WalkableCells,
     counter_clockwise,
     edges_of,
-    walkable_cells,
     without_straight_corners,
 )
 from serd_sim.scenario.settings import (
     LidarSettings,
-    Loop,
     Obstacle,
     OdometrySettings,
     Outline,
     PedestrianSettings,
     RobotSettings,
 )
+
+#: What the cells of a place depend on.
+_OF_CELLS = {"walkable_area_m", "obstacles", "cell_size_m", "cell_clearance_m", "robot"}
 
 
 class Scenario(StrictModel):
@@ -51,8 +56,8 @@ class Scenario(StrictModel):
     )
     cell_clearance_m: float | None = setting(
         None,
-        "least distance of a walkable cell's centre to every wall; a tenth of a cell by default."
-        " With half a cell no thin wall lies between two walkable cells",
+        "least distance of a walkable cell's centre to every wall; by default cells are walkable in"
+        " which the robot fits",
         unit="m",
         ge=0,
     )
@@ -81,16 +86,15 @@ class Scenario(StrictModel):
         (), "solids in it, each with `name` and `outline_m`; they may extend beyond the walls"
     )
     goal_area_m: Outline = setting(
-        ..., "polygon; an episode ends when the robot's centre is inside", unit="m"
+        ...,
+        "polygon; an episode ends when the robot's centre, or that of its cell, is inside",
+        unit="m",
     )
     start_areas_m: dict[str, Outline] = setting(
         ...,
         "polygons by name, one of them `train`; choose another with `--start-area` or"
         " `start_area:=`",
         unit="m",
-    )
-    flow_convention: Literal["right_hand", "left_hand"] = setting(
-        "right_hand", "left_hand: people walk all loops backward"
     )
     pedestrians: PedestrianSettings = PedestrianSettings()
     robot: RobotSettings = RobotSettings()
@@ -148,9 +152,23 @@ class Scenario(StrictModel):
     @cached_property
     def cells(self) -> WalkableCells:
         """The coarse cells of the walkable area."""
-        return walkable_cells(
-            self.walkable_area_m, self.solids_m, self.cell_size_m, self.cell_clearance_m
-        )
+        place = self.walkable_area_m, self.solids_m, self.cell_size_m
+        if self.cell_clearance_m is not None:
+            return cells_with_clearance(*place, self.cell_clearance_m)
+        return cells_for_footprint(*place, self.needs_m)
+
+    @property
+    def needs_m(self) -> float:
+        """Least distance of the robot's centre to walls: its radius and the planners' margin."""
+        return self.robot.radius_m + WALL_MARGIN_M * min(1.0, self.cell_size_m)
+
+    def model_copy(self, *, update: Any = None, deep: bool = False) -> "Scenario":
+        """As of pydantic, but what is computed from the place is computed anew for another one."""
+        copied = super().model_copy(update=update, deep=deep)
+        if _OF_CELLS & (update or {}).keys():
+            for name in ("cells", "wall_segments_m"):
+                copied.__dict__.pop(name, None)
+        return copied
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
@@ -158,16 +176,6 @@ class Scenario(StrictModel):
         corners = np.array(self.walkable_area_m)
         low, high = corners.min(axis=0), corners.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-    @property
-    def directed_loops(self) -> tuple[Loop, ...]:
-        """The loops in the order of walking under this scenario's flow convention."""
-        if self.flow_convention == "right_hand":
-            return self.pedestrians.loops
-        return tuple(
-            loop.model_copy(update={"waypoints_m": loop.waypoints_m[::-1]})
-            for loop in self.pedestrians.loops
-        )
 
     def with_pedestrian_count(self, count: int) -> "Scenario":
         """The same scenario with another number of people."""

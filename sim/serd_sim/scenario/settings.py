@@ -62,12 +62,6 @@ class RobotSettings(StrictModel):
         unit="m",
         gt=0,
     )
-    wheel_separation_m: float | None = setting(
-        None,
-        "distance of the wheels that controller and odometry assume; that of the URDF by default",
-        unit="m",
-        gt=0,
-    )
     wheel_torque_nm: float = setting(5.0, "largest torque of each motor", unit="N m", gt=0)
 
     @model_validator(mode="after")
@@ -131,11 +125,6 @@ class LidarSettings(StrictModel):
         rays = np.arange(self.n_rays, dtype=np.float64)
         return self.angle_min_rad + self.angle_increment_rad * rays
 
-    @property
-    def angle_max_rad(self) -> float:
-        """Direction of the last ray."""
-        return self.angle_min_rad + (self.n_rays - 1) * self.angle_increment_rad
-
 
 class OdometrySettings(StrictModel):
     """Drift of the dead reckoning; none by default."""
@@ -174,13 +163,12 @@ class Obstacle(StrictModel):
 
 
 class Loop(StrictModel):
-    """A closed line that people walk around, listed as right-hand traffic walks it."""
+    """A closed line that people walk around, in the order of its waypoints."""
 
     name: str = setting(..., "name in the legend of the plan")
     waypoints_m: Polygon = setting(
         ...,
-        "three corners or more, in the order of right-hand traffic; no hairpins: turn round with"
-        " two corners",
+        "three corners or more, in the order of walking; no hairpins: turn round with two corners",
         unit="m",
     )
     lane_half_width_m: float = setting(
@@ -196,7 +184,7 @@ class PedestrianSettings(StrictModel):
     """How many people walk, where, how fast, and by which social force model."""
 
     model: str = setting(
-        "circular_anisotropic", f"social force model: {' or '.join(model_names())}"
+        "collision_prediction", f"social force model: {' or '.join(model_names())}"
     )
     count: int = setting(24, "number of people, at most 5.4 per walkable m²", ge=0)
     loops: tuple[Loop, ...] = setting((), "closed lines that people walk around")

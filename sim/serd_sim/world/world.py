@@ -14,19 +14,24 @@ from serd_core.grid.grid import Grid
 from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
-from serd_sim.pictures.scene import Scene
-from serd_sim.robot.contacts import ContactCounter, ContactCounts
 from serd_sim.robot.physical_robot import PhysicalRobot
-from serd_sim.robot.robot import KinematicRobot, standing_at
+from serd_sim.robot.robot import ContactCounter, ContactCounts, KinematicRobot, standing_at
 from serd_sim.robot.sensors import Lidar, Odometry
-from serd_sim.scenario.goal import Area
-from serd_sim.scenario.grid import grid_of, start_states_of
-from serd_sim.scenario.polygon import contains_point
+from serd_sim.scenario.grid import Area, grid_of, is_at_goal, start_states_of
+from serd_sim.scenario.polygon import distance_to_segments_m
 from serd_sim.scenario.rules import START_SPREAD
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import STOP, Command
-from serd_sim.world.observation import EPISODE_GAP_S, Observation, make_observation
-from serd_sim.world.seeds import CROWD, LIDAR, ODOMETRY, START, episode_rng
+from serd_sim.world.observation import (
+    CROWD,
+    EPISODE_GAP_S,
+    LIDAR,
+    ODOMETRY,
+    START,
+    Observation,
+    episode_rng,
+    make_observation,
+)
 
 
 class HallwayWorld:
@@ -35,7 +40,7 @@ class HallwayWorld:
     goal_area_m: may be set to another area at any time.
     """
 
-    def __init__(self, scenario: Scenario, *, seed: int, gui: bool = False) -> None:
+    def __init__(self, scenario: Scenario, *, seed: int) -> None:
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         self.scenario = scenario
         self.seed = seed
@@ -49,11 +54,6 @@ class HallwayWorld:
             if scenario.robot.drive == "physical"
             else KinematicRobot(scenario)
         )
-        try:
-            self._window = Scene(scenario, gui=True) if gui else None
-        except BaseException:
-            self._robot.close()
-            raise
         self._episode = self._first_tick = 0
         self._contacts = ContactCounter(0)
         self._odometry = Odometry(scenario.odometry, self._robot.state.pose, self._rng(ODOMETRY))
@@ -74,7 +74,7 @@ class HallwayWorld:
         start = standing_at(self._draw_start(self._rng(START), start_area))
         self._robot.place(start)
         self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
-        loops, walls_m = self.scenario.directed_loops, self.scenario.wall_segments_m
+        loops, walls_m = self.scenario.pedestrians.loops, self.scenario.wall_segments_m
         self._crowd = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
         self._contacts = ContactCounter(len(self._crowd))
         for _ in range(round(self.scenario.pedestrians.warm_up_s / self.scenario.control_period_s)):
@@ -107,11 +107,8 @@ class HallwayWorld:
         crowd.step(self.scenario.control_period_s, seen)
 
     def _observed_now(self) -> Observation:
-        """Make the observation of the present tick, and show it in the window."""
+        """Make the observation of the present tick."""
         crowd, robot = self._running(), self._robot.state
-        if self._window is not None:
-            self._window.place_robot(robot.pose)
-            self._window.place_people(crowd.position_m, crowd.velocity_mps)
         self._observation = make_observation(
             time_s=self.time_s,
             tick=self.tick,
@@ -148,8 +145,8 @@ class HallwayWorld:
 
     @property
     def in_goal(self) -> bool:
-        """Whether the robot's centre is in the goal area."""
-        return contains_point(self.goal_area_m, *self._robot.state.pose[:2])
+        """Whether the robot's centre, or that of its cell, is in the goal area."""
+        return is_at_goal(self.scenario, self.goal_area_m, *self._robot.state.pose[:2])
 
     @property
     def odometry_pose(self) -> tuple[float, float, float]:
@@ -183,8 +180,6 @@ class HallwayWorld:
     def close(self) -> None:
         """Give PyBullet's world back; a second call does nothing."""
         self._robot.close()
-        if self._window is not None:
-            self._window.close()
 
     def __enter__(self) -> "HallwayWorld":
         return self
@@ -202,7 +197,12 @@ class HallwayWorld:
         return episode_rng(self.seed, self._episode, purpose, *more)
 
     def _draw_start(self, rng: np.random.Generator, area: str) -> tuple[float, float, float]:
-        states = start_states_of(self.scenario, self.grid, area)
-        spread = START_SPREAD * self.grid.cell_size_m
-        x_m, y_m = self.grid.centers_m[rng.choice(states)] + rng.uniform(-spread, spread, 2)
+        state = rng.choice(start_states_of(self.scenario, self.grid, area))
+        middle_m, walls_m = self.scenario.cells.middles_m[state], self.scenario.wall_segments_m
+        nearest_m = float(distance_to_segments_m(middle_m, walls_m).min())
+        room_m = nearest_m - self.scenario.robot.radius_m
+        spread_m = START_SPREAD * self.grid.cell_size_m
+        if room_m < spread_m:
+            spread_m = min(spread_m, max(room_m, 0.0) / math.sqrt(2.0))
+        x_m, y_m = middle_m + rng.uniform(-spread_m, spread_m, 2)
         return float(x_m), float(y_m), float(rng.uniform(-math.pi, math.pi))

@@ -24,7 +24,7 @@ from serd_bag.writer import BagWriter
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import Action, Grid
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 from support.bag_messages import OWN_TOPICS, write_bag
@@ -204,7 +204,7 @@ def test_a_recorded_episode_gives_the_decisions_that_its_driver_took():
             poses.append(super().step(command))
             return poses[-1]
 
-    world, planner = SeenWorld(scenario, seed=3), make_planner("dwa", scenario)
+    world, planner = SeenWorld(scenario, seed=3), make_planner(scenario)
     record = run_episode(world, planner, Chance(), episode=0, timeout_s=25.0)
     track = np.array([(pose.time_s, pose.x_m, pose.y_m) for pose in poses])
     intent_time_s, action = np.array(intents).T

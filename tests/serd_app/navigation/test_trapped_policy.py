@@ -9,7 +9,7 @@ from serd_core.arrival.chain import timed_arrival
 from serd_files.grid_file import flow_picture
 from serd_sim.drivers.strategy import STEP_S, load_strategy, start_distribution
 from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
@@ -28,7 +28,7 @@ def navigator_of(model, scenario=HALLWAY):
 
 def drive(scenario, navigator):
     with HallwayWorld(scenario, seed=3) as world:
-        return run_episode(world, make_planner("dwa", scenario), navigator, episode=0)
+        return run_episode(world, make_planner(scenario), navigator, episode=0)
 
 
 def test_waits_before_each_lap_do_not_keep_the_robot_where_no_people_walk(save_model_of):

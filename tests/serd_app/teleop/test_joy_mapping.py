@@ -10,7 +10,7 @@ from serd_app.teleop.joy_mapping import JoyDriver, JoyMapping, load_joy_mapping
 from serd_app.teleop.session import DirectionChoice
 from serd_bag.errors import FileError
 from serd_core.grid.grid import Action
-from serd_sim.drivers.expert import MOVES
+from serd_sim.drivers.catalogue import MOVES
 from serd_sim.world.command import STOP, Command
 
 MAPPING = JoyMapping.model_validate(

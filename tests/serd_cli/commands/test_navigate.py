@@ -10,7 +10,7 @@ from serd_cli.output.arrival import remarks
 from serd_files.table import load_episodes, read_rows
 from serd_files.yaml_config import model_yaml
 from serd_sim.drivers.strategy import load_strategy
-from serd_sim.scenario.goal import with_goal
+from serd_sim.scenario.grid import with_goal
 from serd_sim.scenario.scenario import load_scenario
 from support.episodes import episode_result
 

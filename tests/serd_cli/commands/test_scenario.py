@@ -1,6 +1,5 @@
 """`serd scenario`: which places there are, pictures and movies of them, and places from maps."""
 
-import imageio_ffmpeg
 import pytest
 from PIL import Image
 
@@ -86,15 +85,16 @@ def film_of(serd, monkeypatch):
 
 
 def test_movies_show_the_whole_episode_at_the_speed_asked_for(film_of, tmp_path):
-    path = tmp_path / "episode.mp4"
+    path = tmp_path / "episode.gif"
     summary = film_of("--output", path, "--speed", "20", "--json").values
     assert summary["outcome"] == "arrived"
     assert summary["picture"] == str(path)
-    _, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))
+    with Image.open(path) as movie:
+        seconds = movie.n_frames * movie.info["duration"] / 1000.0
     assert seconds == pytest.approx(summary["duration_s"] / 20.0, abs=0.3)
 
 
-def test_a_picture_shows_the_moment_and_the_view_asked_for(film_of, tmp_path):
+def test_a_picture_shows_the_moment_asked_for(film_of, tmp_path):
     shown = {}
     for at, words in {"end": (), "late": ("--at", "999"), "start": ("--at", "0")}.items():
         ended = film_of(*words, "--output", tmp_path / f"{at}.png")
@@ -102,6 +102,3 @@ def test_a_picture_shows_the_moment_and_the_view_asked_for(film_of, tmp_path):
         with Image.open(tmp_path / f"{at}.png") as picture:
             shown[at] = picture.tobytes()
     assert shown["late"] == shown["end"] != shown["start"]
-    assert film_of("--output", tmp_path / "e.png", "--view", "overview", "--at", "0").code == 0
-    with Image.open(tmp_path / "e.png") as picture:
-        assert picture.size[0] >= 480

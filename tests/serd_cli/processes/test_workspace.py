@@ -19,7 +19,7 @@ from serd_cli.processes.workspace import (
     [
         ("seed:=3", 3),
         ("rate:=1e-3", 1e-3),
-        ("gui:=false", False),
+        ("lockstep:=false", False),
         ("topics:=[odom, '/imu:sensor_msgs/msg/Imu']", ["odom", "/imu:sensor_msgs/msg/Imu"]),
         ("goal:=''", ""),
         ("time:=1:30", "1:30"),

@@ -21,8 +21,7 @@ from serd_ros.nodes.strategy import to_arrival_message
 from serd_sim.scenario.occupancy import OccupancyRaster
 from serd_sim.scenario.settings import LidarSettings
 from serd_sim.world.command import Command
-from serd_sim.world.observation import People
-from serd_sim.world.observation_inbox import ObservationInbox
+from serd_sim.world.observation import ObservationInbox, People
 from serd_sim.world.waypoint import Waypoint
 from support.arrival_messages import from_arrival_message
 from support.observations import observation_at

@@ -18,7 +18,7 @@ from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import several_worlds
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from support.nav2_server import answered
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 import pytest
 
 from serd_ros.convert.stamp import Jump, StampClock, stamp_s
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.valid_messages import GOAL_M, valid_message
 

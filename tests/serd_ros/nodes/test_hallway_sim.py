@@ -26,7 +26,7 @@ from serd_ros.endpoints.followed_topic import TF_TYPE
 from serd_ros.endpoints.topic_types import TopicType
 from serd_ros.graph.graph import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from serd_sim.robot.urdf import BUILTIN_URDF
 from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process

@@ -10,7 +10,7 @@ from serd_ros.convert.motion import from_intent, to_odometry, to_pose_stamped
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.nodes.watch_page import episode_values
-from serd_sim.episodes.result import EpisodeStart
+from serd_sim.episodes.episode import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
 from support.valid_messages import valid_message

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
+from serd_bag.errors import FileError
 from serd_core.grid.grid import Action
 from serd_core.policies.solved_policy import optimal_policy
 from serd_files.errors import USER_ERRORS
 from serd_files.grid_file import flow_picture
 from serd_files.model_file import load_model
-from serd_sim.drivers.expert import (
+from serd_sim.drivers.catalogue import (
     STYLES,
-    ExpertSettings,
     RouteCosts,
     ScriptedExpert,
     VariedExpert,
@@ -60,21 +60,6 @@ def test_the_expert_sometimes_waits_for_somebody_in_the_next_cell_but_never_for_
     waits = [decide(expert, observation) == Action.WAIT for _ in range(300)]
     assert 0.1 < np.mean(waits) < 0.4
     assert "111" not in "".join(str(int(wait)) for wait in waits)
-
-
-@pytest.mark.parametrize(("reaction_delay_s", "waits"), [(0.0, True), (1.0, False)])
-def test_a_slow_expert_walks_on_where_a_quick_one_waits(reaction_delay_s, waits):
-    """The robot drives north at 1 m/s; a person walks west at 1 m/s towards its way."""
-    settings = ExpertSettings(
-        wait_probability=1.0, waver_probability=0.0, look_ahead_s=0.2,
-        reaction_delay_s=reaction_delay_s,
-    )  # fmt: skip
-    expert = ScriptedExpert(HALLWAY, seed=1, settings=settings)
-    expert.begin(0)
-    seen = observation_at(
-        4.5, 9.5, np.pi / 2, time_s=2.0, speed_mps=1.0, people=[(4.9, 10.5)], velocity=[(-1.0, 0.0)]
-    )
-    assert (decide(expert, seen) == Action.WAIT) == waits
 
 
 def test_the_varied_expert_takes_every_style_in_turn_of_chance_and_repeats_itself():
@@ -153,13 +138,6 @@ def test_a_blocked_robot_tries_what_the_policy_likes_next_and_then_all_again():
     assert order.count(Action.WAIT) == 2, "it does not wait for ever"
 
 
-def test_a_robot_that_is_not_blocked_or_whose_policy_waits_decides_as_before():
-    assert decided(driver_by(0.0, 0.6, 0.4, 0, 0), 5, blocked=False) == [Action.NORTH] * 5
-    assert decided(driver_by(0.6, 0.4, 0, 0, 0), 9, blocked=True) == [Action.WAIT] * 9
-    outside = GRID.state_at(-5.0, 2.5)
-    assert driver_by(0.1, 0.2, 0.4, 0.2, 0.1).decide(SEEN, outside) == Action.WAIT
-
-
 def test_a_blocked_robot_of_a_policy_with_one_action_takes_any_other_way_but_no_wall():
     corner = GRID.state_at(0.5, 0.5)
     driver = driver_by(0.0, 1.0, 0.0, 0.0, 0.0)
@@ -218,3 +196,37 @@ def test_a_model_that_was_learned_under_another_flow_drives_by_that_flow(save_mo
     )
     np.testing.assert_allclose(chosen, best.max(axis=1))
     assert 0 in other
+
+
+FLOW = flow_of(HALLWAY, GRID)
+NO_FLOW = np.full_like(FLOW, -1)
+WITHOUT_NORM = ("goal", "inverse_wall_distance")
+
+
+def planned(path, scenario=HALLWAY, **options):
+    return problem_of_model(str(path), load_model(path), scenario, GRID, **options)
+
+
+def test_the_weight_of_the_social_norm_counts_among_people_only(save_model_of):
+    path = save_model_of()
+    problem, model = planned(path)
+    assert model == load_model(path)
+    assert problem.feature_names == model.feature_names
+    problem, model = planned(path, HALLWAY.with_pedestrian_count(0))
+    assert problem.feature_names == model.feature_names == WITHOUT_NORM
+
+
+@pytest.mark.parametrize("transferred", [False, True])
+def test_the_norm_of_a_model_learned_without_flow_is_that_of_waiting_and_counts_nowhere(
+    save_model_of, transferred
+):
+    path = save_model_of(flow=flow_picture(GRID, NO_FLOW))
+    problem, model = planned(path, transferred=transferred)
+    assert model.feature_names == problem.feature_names == WITHOUT_NORM
+    assert (problem.flow == (FLOW if transferred else NO_FLOW)).all()
+
+
+def test_a_model_of_the_norm_alone_is_refused_where_there_is_none(save_model_of):
+    path = save_model_of(reward_weights={"social_norm": 1.0})
+    with pytest.raises(FileError, match=rf"{path.name}: features must name at least one .*again"):
+        planned(path, HALLWAY.with_pedestrian_count(0))

@@ -1,17 +1,26 @@
 """Batches: one row per episode, resumable, the same over processes."""
 
+import math
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from serd_core.grid.grid import Action
 from serd_files.errors import USER_ERRORS
 from serd_files.table import RowTable
 from serd_files.yaml_config import model_yaml
 from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
 from serd_sim.episodes.execution import Execution
+from serd_sim.episodes.film import TopView, save_gif, save_png
+from serd_sim.episodes.metrics import MetricsObserver, time_to_collision_s
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import STOP, Command
+from serd_sim.world.world import HallwayWorld
+from support.observations import observation_at
 from support.waiting import wait_until
 
 ONE = Execution(1)
@@ -95,7 +104,6 @@ def test_episodes_of_another_version_of_a_scenario_file_are_not_taken_for_this_o
     ("task", "sentence"),
     [
         (EpisodeTask("crosing", 1), "did you mean 'crossing'"),
-        (EpisodeTask("crossing", 1, planner="dwb"), "did you mean 'dwa'"),
         (EpisodeTask("crossing", 1, start_area="trian"), "did you mean 'train'"),
         (EpisodeTask("crossing", 1, driver="none.yaml"), "none.yaml"),
         (EpisodeTask("crossing", 1, people_from="scans"), "did you mean 'scan'"),
@@ -107,30 +115,114 @@ def test_a_bad_name_is_said_before_anything_runs(tmp_path, task, sentence):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_row_says_where_people_were_known_from_and_how_the_planner_fared():
-    given, row = (
-        run_task(EpisodeTask("crossing", 1, n_people=24, people_from=source))
-        for source in ("given", "scan")
-    )
-    assert (row["people_from"], row["outcome"]) == ("scan", "arrived")
-    assert (row["planner_status"], row["n_recoveries"]) == ("NONE", 0)
-    assert row["distance_m"] != given["distance_m"]
+CORRIDOR = load_scenario("corridor")  # periods of 0.05 s; bodies touch at 0.5 m
 
 
-def test_a_row_gives_the_reason_of_a_failure_in_nav2s_words(tmp_path):
-    """A thin bar leaves a gap too narrow for the robot, and no cell's centre is inside it."""
-    file = tmp_path / "blocked.yaml"
-    file.write_text("""
-name: blocked
-episode_timeout_s: 60
-walkable_area_m: [[0, 0], [8, 0], [8, 2], [0, 2]]
-obstacles: [{name: bar, outline_m: [[4, -0.1], [4.05, -0.1], [4.05, 1.8], [4, 1.8]]}]
-goal_area_m: [[6, 0], [8, 0], [8, 2], [6, 2]]
-start_areas_m: {train: [[0, 0], [2, 0], [2, 2], [0, 2]]}
-pedestrians: {count: 0}
-""")
-    row = run_task(EpisodeTask(str(file), 1))
-    assert row["outcome"] == "timeout"
-    assert row["planner_status"] == "FAILED_TO_MAKE_PROGRESS"
-    assert row["n_recoveries"] > 3
-    assert row["robot_on_wall"] == 0
+def metrics_of(*ticks, commands=None):
+    """Of (pose, speed, people, their velocities) at each tick."""
+    observer = MetricsObserver(CORRIDOR)
+    for number, (pose, speed_mps, *people) in enumerate(ticks):
+        seen = observation_at(
+            *pose,
+            tick=number,
+            speed_mps=speed_mps,
+            **dict(zip(("people", "velocity"), people, strict=False)),
+        )
+        observer.see(seen, commands[number] if commands else STOP, Action.NORTH)
+    return observer.metrics
+
+
+def test_discs_that_drive_at_each_other_touch_after_the_gap_over_the_closing_speed():
+    away = np.array([[3.0, 0.0], [3.0, 0.6], [3.0, 0.0], [0.4, 0.0], [0.0, 2.0]])
+    velocity = np.array([[-1.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
+    times = time_to_collision_s(away, velocity, reach_m=0.5)
+    assert times.tolist() == [pytest.approx(2.5), math.inf, math.inf, 0.0, math.inf]
+    grazing = time_to_collision_s(np.array([[3.0, 0.3]]), np.array([[-1.0, 0.0]]), 0.5)
+    assert grazing[0] == pytest.approx(3.0 - 0.4)
+
+
+def test_a_person_ahead_counts_once_the_bodies_would_touch_within_a_second():
+    far = ((2.0, 5.0, math.pi / 2), 1.0, [(2.0, 8.0)], [(0.0, -1.0)])  # 2.5 m / 2 m/s
+    near = ((2.0, 5.5, math.pi / 2), 1.0, [(2.0, 7.5)], [(0.0, -1.0)])  # 1.5 m / 2 m/s
+    turned = ((2.0, 5.5, -math.pi / 2), 1.0, [(2.0, 7.5)], [(0.0, -1.0)])  # same velocity
+    assert metrics_of(far, near, turned, far).collision_ahead_share == 0.25
+
+
+def test_zones_of_a_person_are_gaps_between_the_bodies():
+    gaps = [((2.0, 5.0, 0.0), 0.0, [(2.0 + 0.5 + gap, 5.0)], [(0.0, 0.0)]) for gap in (0.1, 0.9, 1)]
+    metrics = metrics_of(*gaps, ((2.0, 5.0, 0.0), 0.0))
+    assert metrics.intimate_share == 0.25
+    assert metrics.personal_share == 0.5
+
+
+def test_speeds_give_standing_share_and_jerk():
+    speeds = (0.0, 0.04, 0.1, 0.1)
+    metrics = metrics_of(*(((2.0, 5.0, 0.0), speed) for speed in speeds))
+    assert metrics.standing_share == 0.5
+    assert metrics.mean_speed_mps == pytest.approx(0.06)
+    second_differences = (0.02, -0.06)
+    assert metrics.mean_abs_jerk_mps3 == pytest.approx(np.abs(second_differences).mean() / 0.05**2)
+
+
+def test_turning_is_per_metre_of_way_and_over_the_border_of_angles():
+    poses = [(2.0, 5.0, math.pi - 0.1), (2.0, 6.0, -math.pi + 0.1), (2.0, 7.0, math.pi - 0.1)]
+    metrics = metrics_of(*((pose, 1.0) for pose in poses))
+    assert metrics.path_irregularity_radpm == pytest.approx(0.4 / 2.0)
+
+
+def test_commands_give_the_mean_change_per_second():
+    commands = [Command(0.0, 0.0), Command(0.1, 1.0), Command(0.1, 0.5)]
+    metrics = metrics_of(*[((2.0, 5.0, 0.0), 0.0)] * 3, commands=commands)
+    assert metrics.mean_abs_acceleration_mps2 == pytest.approx(0.1 / 0.05 / 2)
+    assert metrics.mean_abs_turn_acceleration_radps2 == pytest.approx(1.5 / 0.05 / 2)
+
+
+HALLWAY = load_scenario("hallway").with_pedestrian_count(5)
+RED, BLUE = 0, 2
+VIEW = TopView(HALLWAY, pixels_per_m=20.0)
+
+
+def pixel(frame, x_m, y_m):
+    return frame[round((24.3 - y_m) * 20), round((x_m + 0.3) * 20)].astype(int)
+
+
+def is_coloured(frame, first, by=60):
+    """Pixels, or one, whose channel `first` is above its opposite by as much."""
+    pixels = frame.astype(int)
+    return pixels[..., first] > pixels[..., 2 - first] + by
+
+
+@pytest.fixture(scope="module")
+def seen():
+    with HallwayWorld(HALLWAY, seed=1) as world:
+        return [world.reset(0), *(world.step(Command(0.5, 0.0)) for _ in range(19))]
+
+
+def test_robot_and_people_are_drawn_where_they_are():
+    frame = VIEW.frame((3.0, 8.0, 0.0), [[1.0, 2.0], [5.0, 20.0]])
+    assert frame.dtype == np.uint8
+    assert is_coloured(pixel(frame, 3.0, 8.0), BLUE)
+    places = ((1.0, 2.0), (5.0, 20.0), (2.0, 12.0))
+    assert [is_coloured(pixel(frame, *each), RED) for each in places] == [True, True, False]
+    np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.frame())
+
+
+def test_png_and_gif_hold_the_frames(seen, tmp_path):
+    frames = [VIEW.frame_at(seen, tick) for tick in range(0, 20, 5)]
+    save_png(frames[0], tmp_path / "one.png")
+    np.testing.assert_array_equal(np.asarray(Image.open(tmp_path / "one.png")), frames[0])
+    save_gif(frames, tmp_path / "all.gif", frames_per_s=4.0)
+    with Image.open(tmp_path / "all.gif") as movie:
+        assert (movie.n_frames, movie.info["duration"]) == (4, 250)
+
+
+def test_a_movie_without_frames_or_whose_frames_fail_leaves_nothing_behind(tmp_path):
+    def failing():
+        yield VIEW.frame()
+        raise RuntimeError("no more")
+
+    with pytest.raises(USER_ERRORS, match="record an episode first"):
+        save_gif([], tmp_path / "none.gif")
+    with pytest.raises(RuntimeError, match="no more"):
+        save_gif(failing(), tmp_path / "half.gif")
+    assert not list(tmp_path.iterdir())

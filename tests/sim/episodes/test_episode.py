@@ -7,85 +7,24 @@ import numpy as np
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_sim.drivers.catalogue import make_driver
-from serd_sim.drivers.expert import ScriptedExpert
+from serd_sim.drivers.catalogue import ScriptedExpert
 from serd_sim.drivers.policy_driver import PolicyDriver
-from serd_sim.episodes.episode import run_episode
+from serd_sim.episodes.episode import EpisodeProgress, run_episode
 from serd_sim.errors import SimError
-from serd_sim.planning.catalogue import make_planner
-from serd_sim.scenario.grid import grid_of
+from serd_sim.planning.local_planner import make_planner
+from serd_sim.scenario.grid import goal_at, goal_cell, goal_states_of, grid_of, point_of, with_goal
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import Obstacle
-from serd_sim.world.epochs import LEAST_DWELL_S
 from serd_sim.world.world import HallwayWorld
+from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
 
 
-@pytest.fixture(scope="module")
-def demonstrations():
-    with HallwayWorld(HALLWAY, seed=1) as world:
-        planner, expert = make_planner("dwa", HALLWAY), ScriptedExpert(HALLWAY, 1)
-        return world.grid, [
-            run_episode(world, planner, expert, episode=episode) for episode in range(3)
-        ]
-
-
-def test_the_expert_arrives_touches_nobody_and_seldom_stands(demonstrations):
-    grid, records = demonstrations
-    decisions = [record.decisions for record in records]
-    for record in records:
-        assert record.outcome == "arrived"
-        assert record.time_of_arrival_s < 60.0
-        assert grid.centers_m[record.decisions.next_state[-1]][0] > 11
-        assert (record.contacts.robot_on_wall, record.contacts.robot_on_person) == (0, 0)
-    action, state, to, dwell_s = (
-        np.concatenate([getattr(each, name) for each in decisions])
-        for name in ("action", "state", "next_state", "dwell_s")
-    )
-    move = action != Action.WAIT
-    assert (grid.neighbours[state, action] == to)[move].mean() > 0.9
-    assert 0 < dwell_s[~move].sum() / dwell_s.sum() < 0.2
-
-
-def test_decisions_follow_each_other_and_last_at_most_the_patience(demonstrations):
-    """A wait has its own length; it begins between two observations and ends at one."""
-    grid, records = demonstrations
-    for record in records:
-        decisions = record.decisions
-        ended_s = decisions.time_s + decisions.dwell_s
-        np.testing.assert_allclose(decisions.time_s[1:], ended_s[:-1], atol=LEAST_DWELL_S)
-        assert np.array_equal(decisions.state[1:], decisions.next_state[:-1])
-        near = grid.neighbours[decisions.state] == decisions.next_state[:, None]
-        assert near.any(axis=1).all()
-        assert not decisions.censored.any()
-        waits = decisions.action == Action.WAIT
-        longest_s = np.where(waits, HALLWAY.wait_s, HALLWAY.patience_s)
-        assert np.all(decisions.dwell_s <= longest_s + HALLWAY.control_period_s)
-        late_s = (
-            decisions.dwell_s[waits & (decisions.state == decisions.next_state)] - HALLWAY.wait_s
-        )
-        assert np.all((late_s > -1e-6) & (late_s < HALLWAY.control_period_s))
-
-
 def drive(scenario, driver, *, seed=11, **options):
     with HallwayWorld(scenario, seed=seed) as world:
-        return run_episode(world, make_planner("dwa", scenario), driver, episode=0, **options)
-
-
-def test_where_nobody_is_blocked_a_drive_does_not_depend_on_patience_and_is_fast():
-    empty, tracks = load_scenario("crossing").with_pedestrian_count(0), []
-    for factor in (0.5, 2.0):
-        scenario = empty.model_copy(update={"patience_s": factor * empty.patience_s})
-        record = drive(scenario, make_driver("expert_with_flow", scenario, 11))
-        assert record.outcome == "arrived"
-        assert record.distance_m / record.duration_s > 0.8 * empty.robot.max_vel_x_mps
-        decisions = record.decisions
-        assert decisions.dwell_s.max() < 0.5 * empty.patience_s
-        columns = decisions.time_s, decisions.state, decisions.action, decisions.dwell_s
-        tracks.append((record.duration_s, record.distance_m, np.array(columns).tolist()))
-    assert tracks[0] == tracks[1]
+        return run_episode(world, make_planner(scenario), driver, episode=0, **options)
 
 
 def test_a_blocked_robot_tries_another_way_instead_of_the_same_for_ever():
@@ -138,7 +77,7 @@ class Mine:
 
 @pytest.mark.parametrize("wrong", [None, (0.1, 0.0), 5, math.nan])
 def test_a_planner_without_a_command_and_a_driver_without_an_action_are_named(wrong):
-    planner, driver = make_planner("dwa", HALLWAY), ScriptedExpert(HALLWAY, 2)
+    planner, driver = make_planner(HALLWAY), ScriptedExpert(HALLWAY, 2)
     with HallwayWorld(HALLWAY, seed=2) as world:
         with pytest.raises(SimError, match=r"step of Mine must return a Command, .* return STOP"):
             run_episode(world, Mine(wrong), driver, episode=0)
@@ -155,3 +94,44 @@ def test_the_expert_arrives_in_every_built_in_scenario(name, start_area):
     record = drive(scenario, ScriptedExpert(scenario, 5), seed=5, start_area=start_area)
     assert record.outcome == "arrived"
     assert record.contacts.robot_on_wall == 0
+
+
+GRID = grid_of(HALLWAY)
+
+
+def test_every_cell_can_be_the_goal_and_is_then_the_only_goal_state():
+    for state, (x_m, y_m) in enumerate(GRID.centers_m):
+        moved = goal_at(HALLWAY, x_m, y_m)
+        assert goal_states_of(moved, GRID).tolist() == [state]
+        assert HALLWAY.goal_area_m != moved.goal_area_m
+
+
+@pytest.mark.parametrize(
+    ("point", "sentence"),
+    [
+        ((9.0, 3.0), r"walkable cell, got \(9, 3\) m; the nearest one is at \(5.5, 2.5\)"),
+        ((-0.1, 3.0), r"walkable cell, got \(-0.1, 3\) m; the nearest one is at \(0.5, "),
+        ((float("nan"), 3.0), r"two finite numbers \(m\), got \(nan, 3.0\); set a point"),
+    ],
+)
+def test_a_goal_that_is_no_place_to_go_is_refused_with_the_nearest_one(point, sentence):
+    with pytest.raises(SimError, match=sentence):
+        goal_cell(GRID, *point)
+
+
+def test_a_goal_in_words_is_two_numbers_and_nothing_keeps_the_scenarios_own():
+    assert point_of(" 3.5,20.5 ") == (3.5, 20.5)
+    assert with_goal(HALLWAY, "") is HALLWAY
+    assert with_goal(HALLWAY, "3.4, 20.9") == goal_at(HALLWAY, 3.5, 20.5)
+    for text in ("3.5", "north", "1,2,3"):
+        with pytest.raises(SimError, match="goal must be two numbers 'x, y'"):
+            point_of(text)
+
+
+def test_an_episode_ends_in_the_goal_that_is_moved_while_the_robot_drives():
+    progress = EpisodeProgress(goal_at(HALLWAY, 0.5, 5.5), observation_at(0.5, 1.0), 60.0)
+    assert progress.see(observation_at(0.5, 4.5, tick=1)) is None
+    progress.goal_area_m = goal_at(HALLWAY, 0.5, 7.5).goal_area_m
+    assert progress.see(observation_at(0.5, 5.5, tick=2)) is None
+    assert progress.see(observation_at(0.5, 7.5, tick=3)) == "arrived"
+    assert (progress.distance_m, progress.duration_s) == (6.5, pytest.approx(0.15))

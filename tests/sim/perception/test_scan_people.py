@@ -1,21 +1,28 @@
 """People found in the lidar alone."""
 
+import math
+
 import numpy as np
 import pytest
 
 from serd_files.errors import USER_ERRORS
-from serd_sim.drivers.expert import ScriptedExpert
-from serd_sim.episodes.episode import run_episode
-from serd_sim.perception.people_tracker import FASTEST_MPS, PeopleTracker
-from serd_sim.perception.scan_people import ScanPerception, people_in_scan
-from serd_sim.perception.scanning_planner import ScanningPlanner
-from serd_sim.planning.catalogue import make_planner, planner_in_world
+from serd_sim.perception.scan_people import (
+    FASTEST_MPS,
+    LidarPeople,
+    PeopleTracker,
+    ScanPerception,
+    people_in_scan,
+)
+from serd_sim.perception.scanning_planner import ScanMatcher, ScanningPlanner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.robot.sensors import Lidar
+from serd_sim.safety.reasons import Fault
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import LidarSettings
 from serd_sim.world.waypoint import Waypoint
-from serd_sim.world.world import HallwayWorld
 from support.observations import observation_at
 
 HALLWAY = load_scenario("hallway")
@@ -99,15 +106,6 @@ def test_somebody_unseen_is_remembered_for_half_a_second_and_then_forgotten():
     assert len(tracker.identity) == 0
 
 
-def test_the_robot_arrives_without_driving_into_anybody_by_the_scan_alone():
-    scenario = load_scenario("crossing").with_values("lidar", noise_deviation_m=0.02)
-    with HallwayWorld(scenario, seed=3) as world:
-        planner = planner_in_world("mppi", world, "scan")
-        record = run_episode(world, planner, ScriptedExpert(scenario, 3), episode=0)
-    assert record.outcome == "arrived"
-    assert record.contacts.robot_on_person == record.contacts.robot_on_wall == 0
-
-
 def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
     """Without given people it drives as with them: it reads only the scans."""
     blind, ahead = observation_at(3.0, 8.0, 1.5), np.array([[3.0, 9.0]])
@@ -115,7 +113,7 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
     def commands(observation, people):
         ranges = LIDAR.scan(observation.pose, people[:, 0], people[:, 1])
         planner = ScanningPlanner(
-            make_planner("dwa", HALLWAY).planner, HALLWAY, ScanPerception(HALLWAY), lambda _: ranges
+            make_planner(HALLWAY).planner, HALLWAY, ScanPerception(HALLWAY), lambda _: ranges
         )
         return [planner.step(observation, Waypoint(3.0, 10.0)) for _ in range(3)]
 
@@ -126,3 +124,129 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
 def test_a_scan_with_another_number_of_rays_is_refused_with_the_fix():
     with pytest.raises(USER_ERRORS, match=r"must have 360 rays .*, got \(180,\); set lidar.n_rays"):
         ScanPerception(HALLWAY).take(HALLWAY_SEEN, np.ones(180, dtype=np.float32))
+
+
+GEOMETRY = ScanGeometry(-math.pi, math.tau / 360, 0.1, 10.0)
+CENTRE = 0.0, 0.0, 0.0
+STANDING = 3.0, 8.0, 0.0
+WALKER = 2.0, 8.0
+
+
+@pytest.fixture
+def people():
+    return LidarPeople(HALLWAY, GuardSettings.of_scenario(HALLWAY, "scan"))
+
+
+def ranges_of(pose, *places):
+    place = np.array(places, float).reshape(-1, 2)
+    return LIDAR.scan(pose, place[:, 0], place[:, 1], np.random.default_rng(1))
+
+
+def scan_of(pose, *places, time_s):
+    return Scan(time_s, ranges_of(pose, *places), GEOMETRY, CENTRE)
+
+
+def seen_at(people, time_s, pose=STANDING):
+    return people.step(observation_at(*pose, time_s=time_s))
+
+
+def test_a_scan_between_two_poses_is_taken_where_the_robot_was_between_them(people):
+    """By either neighbour's pose the walker would be seen 0.2 m off."""
+    half = 3.0, 8.0, 0.2
+    people.take_scan(scan_of(half, WALKER, time_s=1.05))
+    assert seen_at(people, 1.0, (2.9, 8.0, 0.0)) is Fault.MISSING
+    found = seen_at(people, 1.1, (3.1, 8.0, 0.4))
+    assert found.position_m == pytest.approx(np.array([WALKER]), abs=0.05)
+
+
+def test_a_turned_lidar_off_the_centre_that_sees_half_a_circle_shows_people_in_the_map(people):
+    """One stands ahead of the lidar, one behind it."""
+    mount, pose, places = (-0.1, 0.05, math.pi / 2), (3.0, 8.0, 0.3), ((2.0, 8.5), (4.5, 7.5))
+    lidar_m = pose[0] + 1j * pose[1] + np.exp(1j * pose[2]) * (mount[0] + 1j * mount[1])
+    lidar = lidar_m.real, lidar_m.imag, pose[2] + mount[2]
+    geometry = ScanGeometry(-math.pi / 2, math.tau / 360, 0.1, 10.0)
+    seen_at(people, 1.0, pose)
+    people.take_scan(Scan(1.0, ranges_of(lidar, *places)[90:270], geometry, mount))
+    found = seen_at(people, 1.05, pose)
+    assert found.position_m == pytest.approx(np.array(places[:1]), abs=0.06)
+
+
+@pytest.mark.parametrize("lost", [0.0, math.inf, math.nan])
+def test_a_blind_or_silent_lidar_is_a_fault_and_not_an_empty_place(people, lost):
+    assert seen_at(people, 1.0) is Fault.MISSING
+    people.take_scan(scan_of(STANDING, WALKER, time_s=1.0))
+    assert len(seen_at(people, 1.05).identity) == 1
+    ranges_m = ranges_of(STANDING, WALKER)
+    ranges_m[:180] = lost
+    people.take_scan(Scan(1.1, ranges_m, GEOMETRY, CENTRE))
+    assert seen_at(people, 1.1) is Fault.BLIND
+    people.take_scan(scan_of(STANDING, WALKER, time_s=1.2))
+    assert len(seen_at(people, 1.4).identity) == 1
+    assert seen_at(people, 1.5) is Fault.STALE
+
+
+def test_a_scan_that_stays_the_same_while_the_robot_moves_is_a_fault(people):
+    answers = []
+    for tick in range(4):
+        time_s = 1.0 + 0.1 * tick
+        people.take_scan(scan_of(STANDING, WALKER, time_s=time_s))
+        answers.append(seen_at(people, time_s, (3.0 + 0.03 * tick, 8.0, 0.0)))
+    assert [isinstance(each, Fault) for each in answers] == [False, False, True, True]
+    assert answers[-1] is Fault.FROZEN
+
+
+def test_after_a_reset_a_scan_that_waits_is_taken_and_tracks_begin_at_0(people):
+    seen_at(people, 1000.0)
+    people.take_scan(scan_of(STANDING, WALKER, time_s=1000.0))
+    assert len(seen_at(people, 1000.1).identity) == 1
+    people.take_scan(scan_of(STANDING, WALKER, time_s=0.0))
+    people.reset()
+    assert seen_at(people, 0.0).identity.tolist() == [0]
+
+
+@pytest.mark.parametrize(("nothing_m", "range_max_m"), [(0.0, 10.0), (5.0, 5.0)])
+def test_rays_that_meet_nothing_are_no_people_whatever_number_stands_for_them(
+    people, nothing_m, range_max_m
+):
+    """Lidars whose range_min is 0 send 0, and many simulated ones range_max."""
+    ranges_m = ranges_of(STANDING, WALKER)
+    ranges_m = np.where(ranges_m < 5.0, ranges_m, np.float32(nothing_m))
+    geometry = ScanGeometry(-math.pi, math.tau / 360, 0.0, range_max_m)
+    people.take_scan(Scan(1.0, ranges_m, geometry, CENTRE))
+    found = seen_at(people, 1.0)
+    assert found.position_m == pytest.approx(np.array([WALKER]), abs=0.05)
+
+
+def standing(tick):
+    return observation_at(3.0, 8.0, tick=tick)
+
+
+def scan_at(tick, x_m):
+    return 50_000_000 * tick, LIDAR.scan((3.0, 8.0, 0.0), np.array([x_m]), np.array([8.0]))
+
+
+@pytest.fixture
+def matcher():
+    return ScanMatcher(HALLWAY)
+
+
+@pytest.mark.parametrize("scan_first", [True, False])
+def test_a_scan_counts_once_the_observation_of_its_stamp_is_there(matcher, scan_first):
+    steps = [
+        lambda: matcher.take_scan(*scan_at(4, 4.5)),
+        lambda: matcher.take_observation(standing(4)),
+    ]
+    for step in steps if scan_first else reversed(steps):
+        assert not matcher.is_complete(standing(4))
+        step()
+    assert matcher.is_complete(standing(4))
+
+
+def test_a_scan_sent_twice_is_taken_once(matcher):
+    """Of two scans of a walker 0.1 s apart, the second one again would make him stand."""
+    planner = matcher.planner_on(make_planner(HALLWAY))
+    for tick, x_m in ((2, 4.5), (4, 4.6), (4, 4.6), (4, 4.6)):
+        matcher.take_observation(standing(tick))
+        matcher.take_scan(*scan_at(tick, x_m))
+    again = planner.perception.tracker.velocity_mps[0, 0]
+    assert again == pytest.approx(0.25, abs=0.05)  # beta times 1 m/s

@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from serd_sim.robot.people_bodies import PERSON_MASS_KG
+from serd_sim.errors import SimError
+from serd_sim.robot.bullet import PERSON_MASS_KG, near_people, pybullet
 from serd_sim.robot.physical_robot import PhysicalRobot
 from serd_sim.robot.robot import standing_at
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.world import HallwayWorld
-from support.wheeled_robots import physical, urdf_with
+from support.wheeled_robots import physical
 
 STEP_S = 0.05
-
 MASS_KG, WHEEL_RADIUS_M = 18.0, 0.08
 #: With the inertia of the wheels.
 ROLLING_KG = MASS_KG + 2.0 * 0.0026 / WHEEL_RADIUS_M**2
@@ -63,16 +63,6 @@ def test_the_step_response_is_a_ramp_at_the_acceleration_of_the_limit_or_of_the_
     assert np.diff(speeds[1])[2:9] / STEP_S == pytest.approx(np.full(7, expected), rel=0.02)
 
 
-def test_the_stopping_distance_is_that_of_the_largest_deceleration():
-    """v^2 / 2 a with 4 m/s^2, which the floor allows."""
-    with HallwayWorld(physical(decel_lim_x_mps2=4.0), seed=1) as world:
-        started(world, 2.0, 4.0, math.pi / 2)
-        from_m = driven(world, Command(1.0, 0.0), 30)[-1]
-        to_m = driven(world, STOP, 20)[-1]
-    assert math.dist(from_m[:2], to_m[:2]) == pytest.approx(1.0 / 8.0, rel=0.1)
-    assert to_m[3] == pytest.approx(0.0, abs=1e-3)
-
-
 def test_friction_limits_the_deceleration():
     """Braking shifts weight from the wheels, 9 mm ahead of the centre of mass, to the caster.
 
@@ -88,46 +78,6 @@ def test_friction_limits_the_deceleration():
     behind_m = 16.0 * 0.01 / MASS_KG
     load = 9.81 / (1.0 + (0.8 * height_m - behind_m) / (0.2 + behind_m))
     assert -np.diff(speed)[:2].mean() / STEP_S == pytest.approx(0.8 * load, rel=0.05)
-
-
-def after_arcs(pose, motions):
-    """The pose after arcs of (n, 2) length and angle."""
-    x_m, y_m, yaw_rad = pose
-    for distance_m, turned_rad in motions:
-        x_m += distance_m * math.cos(yaw_rad + turned_rad / 2)
-        y_m += distance_m * math.sin(yaw_rad + turned_rad / 2)
-        yaw_rad += turned_rad
-    return np.array([x_m, y_m])
-
-
-@pytest.mark.parametrize("turn_radps", [0.9, -0.9])
-def test_unequal_wheels_give_the_systematic_error_of_the_umbmark_square(tmp_path, turn_radps):
-    """Borenstein & Feng, IEEE Trans. Robotics and Automation 12(6), 1996.
-
-    With radii r (1 -+ e) the odometry's (d, a) is really (d + e a L / 2, a + 2 e d / L).
-    """
-    error = 0.005
-    path = urdf_with(tmp_path)
-    left, right = path.read_text().split('<link name="right_wheel">')
-    smaller, larger = (f'<sphere radius="{0.08 * (1 + sign * error)}"/>' for sign in (-1, 1))
-    nominal = '<sphere radius="0.08"/>'
-    right = '<link name="right_wheel">' + right.replace(nominal, larger)
-    path.write_text(left.replace(nominal, smaller) + right)
-    motions = []
-    with HallwayWorld(physical(urdf=str(path), wheel_radius_m=0.08), seed=1) as world:
-        start = started(world, 3.0 + math.copysign(1.0, turn_radps), 11.0, math.pi / 2)
-        for _ in range(4):
-            for command, steps in ((Command(0.5, 0.0), 80), (Command(0.0, turn_radps), 35)):
-                for tick in range(steps + 8):
-                    world.step(command if tick < steps else STOP)
-                    motions.append(world._robot.wheel_motion)
-        final, odometry = world._robot.state.pose, world.odometry_pose
-    believed = np.array(motions)
-    really = believed + error * believed[:, ::-1] * (0.16, 2.0 / 0.32)
-    known_m = after_arcs(start, really) - after_arcs(start, believed)
-    assert np.hypot(*known_m) > 0.15
-    drift_m = np.subtract(final[:2], odometry[:2])
-    assert drift_m == pytest.approx(known_m, abs=0.1 * np.hypot(*known_m))
 
 
 def test_odometry_of_equal_wheels_follows_the_truth_until_they_slip():
@@ -157,3 +107,78 @@ def test_a_walking_person_pushes_a_freely_rolling_robot_with_conserved_momentum(
     common_mps = PERSON_MASS_KG / (PERSON_MASS_KG + ROLLING_KG)
     assert (motion.velocity_mps[0], person_mps) == pytest.approx((common_mps,) * 2, rel=0.1)
     assert sideways_mps == pytest.approx(0.0, abs=0.01)
+
+
+def blind(people, **robot):
+    """A hallway whose people do not see the robot, and walk into it."""
+    return physical(people=people, **robot).with_values("pedestrians", robot_visible=False)
+
+
+@pytest.mark.parametrize("place_m", [(3.0, 8.0, 0.3), (5.6, 8.0, 0.0)])
+def test_a_drive_among_people_who_bump_into_the_robot_repeats_bit_for_bit(place_m):
+    with HallwayWorld(blind(40), seed=7) as world:
+        drives = []
+        for _ in range(2):
+            world.reset(0)
+            world._robot.place(standing_at(place_m))
+            seen = [world.step(Command(0.6, 0.3)) for _ in range(100)]
+            poses = [(each.pose, each.people_position_m.tobytes()) for each in seen]
+            drives.append((poses, world.contacts, world.minimum_person_distance_m))
+    assert drives[0] == drives[1]
+    assert world.contacts.person_on_robot + world.contacts.robot_on_person > 0
+    assert world.minimum_person_distance_m > -0.03
+
+
+def test_a_robot_driven_at_a_wall_stays_out_of_it_and_the_contact_counts_once():
+    with HallwayWorld(physical(), seed=1) as world:
+        world.reset(0)
+        world._robot.place(standing_at((5.0, 8.0, 0.0)))
+        for _ in range(60):
+            seen = world.step(Command(1.0, 0.0))
+    assert seen.x_m == pytest.approx(5.75, abs=0.01)
+    assert world.contacts.robot_on_wall == 1
+
+
+def meeting(robot_mps, person_mps, **robot):
+    """(contacts, robot's x, person's x): the robot begins at x = 2 m and a person at x = 3 m."""
+    with HallwayWorld(blind(1, **robot), seed=1) as world:
+        world.reset(0)
+        world._robot.place(standing_at((2.0, 8.0, 0.0)))
+        crowd = world._crowd
+        crowd.x_m[0], crowd.y_m[0] = 3.0, 8.0
+        places = []
+        for _ in range(30):
+            if not any(vars(world.contacts).values()):
+                crowd.velocity_x_mps[0], crowd.velocity_y_mps[0] = person_mps, 0.0
+                crowd.desired_speed_mps[0] = abs(person_mps) + 1e-9
+            seen = world.step(Command(robot_mps, 0.0))
+            places.append((seen.x_m, float(crowd.x_m[0])))
+        return world.contacts, np.array(places)
+
+
+@pytest.mark.parametrize(
+    ("robot_mps", "person_mps", "radius_m"), [(0.8, 0.0, 0.25), (0.8, 0.0, 0.4), (0.0, -1.0, 0.25)]
+)
+def test_a_contact_is_of_the_one_who_moves_and_pushes_the_other(robot_mps, person_mps, radius_m):
+    """The body of the robot may be smaller than the radius of the scenario."""
+    contacts, places = meeting(robot_mps, person_mps, radius_m=radius_m)
+    counts = contacts.robot_on_person, contacts.person_on_robot
+    assert [count > 0 for count in counts] == [robot_mps > 0, person_mps < 0]
+    assert places[-1, 1] > 3.0 if robot_mps else places[-1, 0] < 1.99
+    assert 0.45 < np.diff(places).min() < 0.52
+
+
+def test_people_within_reach_of_a_longer_control_period_are_near():
+    people = np.array([[0.7, 0.0], [1.6, 0.0], [1.9, 0.0]])
+    near = [near_people(people[:, 0], 0.5, each, people, 0.0 * people) for each in (0.05, 0.2)]
+    assert [sorted(each) for each in near] == [[0], [0, 1]]
+
+
+def test_a_world_that_cannot_be_made_leaves_pybullet():
+    def connected():
+        return [pybullet.getConnectionInfo(client)["isConnected"] for client in range(50)]
+
+    before = connected()
+    with pytest.raises(SimError, match="must cover the robot"):
+        HallwayWorld(physical(radius_m=0.2), seed=1)
+    assert connected() == before

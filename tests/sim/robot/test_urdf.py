@@ -12,13 +12,6 @@ from support.wheeled_robots import physical, urdf_with
 LEFT = '<origin xyz="0 0.16 0.08"/>\n    <axis xyz="0 1 0"/>'
 
 
-def test_the_built_in_robot_has_two_wheels_and_their_measures():
-    drive = read_differential_drive(BUILTIN_URDF)
-    assert drive.turns_forward == (1.0, 1.0)
-    assert (drive.radius_m, drive.separation_m) == (0.08, 0.32)
-    assert drive.axle_height_m == 0.08
-
-
 def speed_and_turn(path):
     """Of a robot that is to drive straight on at 0.3 m/s for a second."""
     with HallwayWorld(physical(urdf=str(path)), seed=1) as world:
@@ -75,8 +68,6 @@ WHEEL = '<link name="left_wheel">'
         ('name="left_wheel_joint" type="continuous"', 'name="left_wheel_joint" type="fixed"',
          "must be continuous, got fixed"),
         ('<sphere radius="0.08"/>', '<sphere radius="${r}"/>', r"number above 0, got '\$\{r\}'"),
-        (WHEEL, WHEEL + '<contact><lateral_friction value="-1"/></contact>',
-         "lateral_friction of link 'left_wheel' must be a number from 0 on, got '-1'"),
         ('<collision><geometry><sphere radius="0.08"/></geometry></collision>', "",
          "'left_wheel' must have <collision>, got none"),
         ('version="1.0"', 'version="1.0" encoding="none"', "is not: unknown encoding: none"),

@@ -7,11 +7,8 @@ from hypothesis import strategies as st
 
 from serd_sim.scenario.polygon import (
     contains,
-    contains_point,
     distance_to_segments_m,
     edges_of,
-    overlap,
-    require_simple,
     signed_wall_distance_m,
     without_straight_corners,
 )
@@ -19,42 +16,11 @@ from serd_sim.scenario.polygon import (
 L_SHAPE = [[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]]
 
 
-@pytest.mark.parametrize(
-    ("other", "expected"),
-    [
-        ([[0.5, 0.5], [2, 0.5], [2, 3]], True),
-        ([[-1, -1], [9, -1], [9, 9], [-1, 9]], True),
-        ([[1, 1], [4, 1], [4, 3]], False),  # touches
-        ([[5, 0], [6, 0], [6, 1]], False),
-    ],
-)
-def test_polygons_that_only_touch_do_not_overlap(other, expected):
-    assert overlap(L_SHAPE, other) == expected
-
-
 @given(x=st.floats(-3, 6), y=st.floats(-3, 6))
 def test_distance_to_a_segment_is_that_to_a_brute_force_nearest_point(x, y):
     points = np.linspace(0, 1, 20001)[:, None] * (3.0, 1.0)
     found = distance_to_segments_m([[x, y]], np.array([[[0.0, 0.0], [3.0, 1.0]]]))
     assert found[0, 0] == pytest.approx(np.hypot(*(points - [x, y]).T).min(), abs=2e-4)
-
-
-@given(x=st.floats(-1, 5), y=st.floats(-1, 4))
-def test_a_point_is_inside_alone_as_among_many(x, y):
-    inside = (0 < x < 1 and 0 < y < 3) or (0 < x < 4 and 0 < y < 1)
-    assert contains_point(L_SHAPE, x, y) == contains(L_SHAPE, [[x, y]])[0]
-    near_edge = distance_to_segments_m([[x, y]], edges_of(L_SHAPE)).min() < 1e-9
-    assert near_edge or contains_point(L_SHAPE, x, y) == inside
-
-
-def test_a_bow_tie_crosses_itself_and_a_spike_without_thickness_does_not():
-    with pytest.raises(ValueError, match="edges 0 and 2 do; list the corners in order"):
-        require_simple(((0, 0), (1, 1), (1, 0), (0, 1)))
-    for simple in (
-        ((0, 0), (1, 0), (1, 1), (0, 1)),
-        ((0, 0), (2, 0), (2, 1), (2, 0), (4, 0), (4, 3), (0, 3)),
-    ):
-        assert require_simple(simple) == simple
 
 
 @given(cuts=st.lists(st.tuples(st.integers(0, 5), st.floats(0.01, 0.99)), max_size=12))

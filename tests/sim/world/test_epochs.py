@@ -146,17 +146,6 @@ def test_decisions_outside_the_grid_or_past_a_wall_are_left_out(epochs):
     assert (epochs.ended, epochs.n_lost, epochs.state) == ([], 1, RIGHT)
 
 
-def test_a_new_drive_has_nothing_of_the_last_one(epochs):
-    drive(epochs, ONE_CELL_ON, EAST)
-    assert (epochs.state, epochs.action) == (C, EAST)
-    epochs.begin()
-    assert epochs.ended == []
-    assert epochs.see(4.0, 2.5, 0.5), "also at the time of the last place"
-    epochs.take(4.0, EAST)
-    epochs.see(5.0, 3.5, 0.5)
-    assert [row[2:] for row in ended(epochs)] == [(4.0, 4.6)]
-
-
 def test_decisions_of_episodes_have_their_dwell_times(epochs):
     drive(epochs, [IN_A, (1.5, 1.5001)], NORTH, step_s=0.5)
     drive(epochs, [IN_MIDDLE] * 41, EAST, begin_s=0.5)

@@ -107,7 +107,6 @@ def _drive(study: Study, expert: str, repetition: int, greedy: IntArray) -> list
     drives = drive_in(
         study.scenario,
         study.problem,
-        study.settings.planner,
         PolicyDriver(study.problem.grid, study.policy_of(greedy), seed=seed),
         seed=seed,
         starts=[(number, TRAIN_AREA) for number in range(n_episodes(study.settings, expert))],

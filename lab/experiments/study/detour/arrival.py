@@ -62,7 +62,6 @@ def drive(study: DetourStudy, repetition: int, policy: FloatArray) -> list[float
     drives = drive_in(
         study.scenario,
         study.problem,
-        study.settings.planner,
         PolicyDriver(study.problem.grid, policy, seed=seed),
         seed=seed,
         starts=[(episode, TRANSFER_AREA) for episode in range(study.settings.drives)],

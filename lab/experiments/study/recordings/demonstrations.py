@@ -69,7 +69,6 @@ def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file:
     drives = drive_in(
         study.scenario,
         study.problem,
-        settings.planner,
         _driver(study, expert, seed),
         seed=seed,
         starts=[(episode, start_area_of(role)) for episode in range(n_episodes)],

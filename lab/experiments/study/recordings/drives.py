@@ -17,7 +17,7 @@ from serd_core.demonstrations.observations import explained
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
-from serd_sim.planning.catalogue import make_planner
+from serd_sim.planning.local_planner import make_planner
 from serd_sim.safety.world_guard import CommandFilter, no_guard
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.world import HallwayWorld
@@ -53,7 +53,6 @@ class Drives:
 def drive_in(
     scenario: Scenario,
     problem: NavigationProblem,
-    planner: str,
     driver: Driver,
     *,
     seed: int,
@@ -65,7 +64,7 @@ def drive_in(
 
     guard: of `run_episode`; the kept results were made without any.
     """
-    local_planner = make_planner(planner, scenario)
+    local_planner = make_planner(scenario)
     with HallwayWorld(scenario, seed=seed) as world:
         records = tuple(
             run_episode(

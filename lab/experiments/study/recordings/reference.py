@@ -26,8 +26,7 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Action, Grid, Outcome
 from serd_sim.drivers.catalogue import Driver, make_driver
-from serd_sim.world.observation import Observation
-from serd_sim.world.seeds import POLICY, episode_rng
+from serd_sim.world.observation import POLICY, Observation, episode_rng
 
 _CHUNK = 10
 _CHANGES_MIND, _WAITS = 0.35, 0.1
@@ -85,7 +84,6 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
         drive_in(
             study.scenario,
             study.problem,
-            study.settings.planner,
             driver,
             seed=seed,
             starts=[(episode, (TRAIN_AREA, TRANSFER_AREA)[episode % 2])],

@@ -35,7 +35,6 @@ def test_a_bag_recorded_through_ros_equals_the_drive_in_process(role, study):
     driven = drive_in(
         study.scenario,
         study.problem,
-        settings.planner,
         make_driver(settings.demonstrations.driver, study.scenario, seed),
         seed=seed,
         starts=[(0, start_area_of(role))],

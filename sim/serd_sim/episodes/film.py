@@ -1,21 +1,53 @@
-"""Pictures of the world from above, drawn straight into pixels: hundreds of frames a second.
+"""An episode from above, drawn straight into pixels, and its frames as files: PNG and GIF.
 
 A frame is (height, width, 3) uint8, row 0 at the top. Discs are blended with a smooth edge one
 pixel wide.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from io import BytesIO
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
+from serd_bag.files import atomic_write_bytes
 from serd_core.arrays import FloatArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.pictures.movie import Frame
+from serd_sim.errors import SimError
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.polygon import contains
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
+
+#: (height, width, 3) picture.
+Frame = NDArray[np.uint8]
+
+
+def save_png(frame: Frame, path: str | Path) -> None:
+    """Write one frame."""
+    content = BytesIO()
+    Image.fromarray(frame).save(content, format="PNG", optimize=True)
+    atomic_write_bytes(path, content.getvalue())
+
+
+def save_gif(frames: Iterable[Frame], path: str | Path, frames_per_s: float = 10.0) -> None:
+    """Write an endless GIF with one palette for all frames."""
+    others = iter(frames)
+    first = next(others, None)
+    if first is None:
+        raise SimError("a movie must have at least one frame, got none; record an episode first")
+    palette = Image.fromarray(first).quantize(colors=64)
+    images = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in others
+    )
+    content, period_ms = BytesIO(), round(1000.0 / frames_per_s)
+    options = {"append_images": images, "duration": period_ms, "loop": 0}
+    palette.save(content, format="GIF", save_all=True, **options)
+    atomic_write_bytes(path, content.getvalue())
+
 
 Colour = tuple[int, int, int]
 

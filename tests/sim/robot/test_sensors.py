@@ -1,15 +1,16 @@
 """The lidar against closed forms and against the physics world's own ray tests."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from serd_sim.robot.bullet import add_wall, new_world, pybullet
-from serd_sim.robot.sensors import Lidar
+from serd_sim.robot.sensors import Lidar, Odometry
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.scenario.settings import LidarSettings
-from serd_sim.world.command import STOP
+from serd_sim.scenario.settings import LidarSettings, OdometrySettings
+from serd_sim.world.command import STOP, Command
 from serd_sim.world.world import HallwayWorld
 
 HALLWAY = load_scenario("hallway")
@@ -77,3 +78,42 @@ def test_what_is_nearer_than_the_lidar_measures_is_minus_infinite_and_what_is_fa
     lidar = Lidar(settings, np.array([[[3.0, -50.0], [3.0, 50.0]]]), 0.25)
     ahead = int(np.argmin(np.abs(lidar.angles_rad)))
     assert lidar.scan((0.0, 0.0, 0.0), NO_PEOPLE, NO_PEOPLE)[ahead] == pytest.approx(seen_m)
+
+
+EMPTY = load_scenario("hallway").with_pedestrian_count(0)
+
+
+def straight(odometry, n_steps):
+    for step in range(1, n_steps + 1):
+        odometry.follow((0.05 * step, 0.0, 0.0))
+    return odometry.pose
+
+
+def test_without_deviations_odometry_is_the_truth_bit_for_bit_and_with_them_it_drifts():
+    """Wheels of a physical robot slip, so this one is kinematic."""
+    exact = EMPTY.with_values("robot", drive="kinematic")
+    drifting = exact.with_values("odometry", distance_scale_deviation=0.05, turn_noise_rad=0.05)
+    poses = []
+    for scenario in (exact, drifting):
+        with HallwayWorld(scenario, seed=1) as world:
+            world.reset(0)
+            for _ in range(50):
+                seen = world.step(Command(0.6, 0.5))
+            poses += [seen.pose[:2], world.odometry_pose[:2]]
+    assert poses[0] == poses[1] == poses[2]
+    assert math.dist(*poses[2:]) > 0.01
+
+
+def test_a_scale_error_stretches_the_way():
+    settings = OdometrySettings(distance_scale_deviation=0.1)
+    rng = np.random.default_rng(1)
+    scale = 1.0 + 0.1 * np.random.default_rng(1).standard_normal(2)[0]
+    x_m, y_m, yaw_rad = straight(Odometry(settings, (0.0, 0.0, 0.0), rng), 200)
+    assert (x_m, y_m, yaw_rad) == pytest.approx((10.0 * scale, 0.0, 0.0))
+
+
+def test_turn_noise_grows_with_the_root_of_the_way():
+    settings = OdometrySettings(turn_noise_rad=0.02)
+    rngs = [np.random.default_rng(seed) for seed in range(200)]
+    yaws = [straight(Odometry(settings, (0.0, 0.0, 0.0), rng), 200)[2] for rng in rngs]
+    assert np.std(yaws) == pytest.approx(0.02 * math.sqrt(10.0), rel=0.15)

@@ -1,4 +1,4 @@
-"""The terms of the planners' cost, each against a closed form."""
+"""The dynamic window and the rollouts, against closed forms and the limited unicycle."""
 
 import math
 
@@ -7,14 +7,96 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_sim.planning.rollout_costs import CostSettings, RolloutCosts
+from serd_sim.planning.dwa import (
+    before_stop,
+    reachable_window,
+    roll_out,
+    speed_to_stop_within,
+)
+from serd_sim.planning.local_planner import make_planner
+from serd_sim.planning.rollout_costs import (
+    CostSettings,
+    RolloutCosts,
+    predict_nearby,
+)
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
-TIME_S = np.array([0.5, 1.0])
+ROBOT = RobotSettings()
+SLOW = RobotSettings(acc_lim_x_mps2=2.0, acc_lim_theta_radps2=4.0)
+POSE = (1.0, 2.0, 0.3)
+TIME_S = 0.05 * np.arange(1, 21)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_window_holds_what_the_accelerations_allow_up_to_the_limits_of_the_robot(sign):
+    speeds, turns = reachable_window(ROBOT, 0.5, sign * 1.0, 0.1)
+    assert speeds == pytest.approx((0.25, 0.75))
+    assert turns == pytest.approx((sign - 1.2, sign + 1.2))
+    speeds, turns = reachable_window(ROBOT, sign * 0.5, sign * 3.0, 10.0)
+    assert speeds == (ROBOT.min_vel_x_mps, ROBOT.max_vel_x_mps)
+    assert turns == (-ROBOT.max_vel_theta_radps, ROBOT.max_vel_theta_radps)
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.25])
+def test_straight_rollouts_cover_the_distance_of_constant_acceleration(start_s):
+    """From 0.2 m/s to 1 m/s at 2 m/s2; the ramp ends with a step, so midpoints are exact."""
+    rollouts = roll_out(
+        POSE, (0.2, np.array([1.0, 0.2])), (0.0, np.zeros(1)), SLOW, TIME_S, 2.0, start_s
+    )
+    ramp_s = np.clip(TIME_S - start_s, 0.0, 0.4)
+    after_s = np.maximum(TIME_S - start_s - 0.4, 0.0)
+    way_m = 0.2 * np.minimum(TIME_S, start_s) + 0.2 * ramp_s + ramp_s**2 + 1.0 * after_s
+    for index, expected_m in enumerate([way_m, 0.2 * TIME_S]):
+        np.testing.assert_allclose(rollouts.x_m[index, 0], 1.0 + expected_m * math.cos(0.3))
+        np.testing.assert_allclose(rollouts.y_m[index, 0], 2.0 + expected_m * math.sin(0.3))
+    np.testing.assert_allclose(rollouts.yaw_rad, np.full((1, 20), 0.3))
+
+
+def test_the_yaw_is_that_of_constant_acceleration_up_to_the_turn_time_and_constant_then():
+    """From 0 to 1.2 rad/s at 4 rad/s2 within 0.3 s; it turns for 0.5 s, then drives straight."""
+    rollouts = roll_out(POSE, (0.0, np.zeros(1)), (0.0, np.array([1.2, -1.2])), SLOW, TIME_S, 0.5)
+    turning_s = np.minimum(TIME_S, 0.5)
+    ramp_s = np.minimum(turning_s, 0.3)
+    turned_rad = 2.0 * ramp_s**2 + 1.2 * (turning_s - ramp_s)
+    np.testing.assert_allclose(rollouts.yaw_rad, [0.3 + turned_rad, 0.3 - turned_rad])
+    # The turn lasts up to a midpoint that is the turn time.
+    time_s = np.array([0.5, 1.0, 1.5])
+    rollouts = roll_out(POSE, (0.0, np.zeros(1)), (1.0, np.ones(1)), SLOW, time_s, turn_time_s=0.75)
+    np.testing.assert_allclose(rollouts.yaw_rad[0], 0.3 + np.array([0.5, 1.0, 1.0]))
+
+
+STOPPING = RobotSettings(acc_lim_x_mps2=2.0, max_vel_x_mps=1.0)
+TENTHS_S = np.arange(1, 11) / 10.0
+
+
+def test_the_planner_is_no_faster_than_it_can_stop_at_the_waypoint():
+    """v^2 = 2 * 0.7 a d; samples are even shares of that speed."""
+    for distance_m in (0.01, 4.0):
+        speed_mps = speed_to_stop_within(distance_m, STOPPING)
+        assert speed_mps**2 / (2 * 0.7 * STOPPING.acc_lim_x_mps2) == pytest.approx(distance_m)
+    hallway = load_scenario("hallway").with_pedestrian_count(0)
+    limit_mps = speed_to_stop_within(0.12, hallway.robot)
+    ahead = Waypoint(3.12, 8.0)
+    sampled = make_planner(hallway).step(observation_at(3.0, 8.0), ahead).linear_mps
+    assert sampled == pytest.approx(limit_mps / (hallway.local_planner.vx_samples - 2))
+
+
+def test_only_the_times_before_the_robot_has_stopped_are_given():
+    """From 1 m/s at 2 m/s2 it stops in 0.5 s, after 0.3 s of reaction; slow robots stand."""
+    before = before_stop(np.array([1.0, 0.4, -0.4, 0.01]), STOPPING, TENTHS_S, slowest_mps=0.02)
+    assert before.shape == (4, 8)
+    assert before.sum(axis=1).tolist() == [8, 5, 5, 0]
+    at_once = before_stop(np.array([1.0]), STOPPING, TENTHS_S, slowest_mps=0.0, reaction_s=0.0)
+    assert at_once.shape[1] == 5
+    assert before_stop(np.array([0.0]), STOPPING, TENTHS_S, slowest_mps=0.0).shape == (1, 0)
+
+
+COSTS_S = np.array([0.5, 1.0])
 SETTINGS = CostSettings()
-COSTS = RolloutCosts(load_scenario("hallway"), SETTINGS, TIME_S)
+COSTS = RolloutCosts(load_scenario("hallway"), COSTS_S)
 
 
 def seen(people=(), velocity=None):
@@ -59,7 +141,7 @@ def test_walls_cost_by_the_nearest_one_of_all_times_and_forbid_the_first_times_o
 def test_a_person_at_the_margin_is_not_too_close(share, is_too_close, velocity):
     """Both margins are 0.75 m and both radii 0.25 m: (3.75, 9) is 1.25 m from (3, 8)."""
     settings = CostSettings(person_margin_m=0.75, stopped_margin_m=0.75)
-    costs = RolloutCosts(load_scenario("hallway"), settings, TIME_S)
+    costs = RolloutCosts(load_scenario("hallway"), COSTS_S, settings)
     around = costs.look(seen([(3.0 + 0.75 * share, 8.0 + share)], [velocity]))
     _, too_close = costs.people(np.array([[3.0, 2.5]]), np.full((1, 2), 8.0), around, 2)
     assert too_close.tolist() == [[is_too_close, False]]
@@ -90,7 +172,7 @@ def plainly(x_m, y_m, observation):
         """The smallest gap to anybody, then and now."""
         then, now = np.full(x.shape, np.inf), np.full(x.shape, np.inf)
         for person in near:
-            at = place[person] + TIME_S[:, None] * velocity[person]
+            at = place[person] + COSTS_S[:, None] * velocity[person]
             then = np.minimum(then, np.hypot(x - at[:, 0], y - at[:, 1]) - 0.5)
             now = np.minimum(now, np.hypot(x - place[person, 0], y - place[person, 1]) - 0.5)
         return then, now
@@ -101,7 +183,7 @@ def plainly(x_m, y_m, observation):
     too_close = gap < np.minimum(SETTINGS.person_margin_m, standing - 1e-3)
     too_close = too_close | (gap_now < np.minimum(SETTINGS.stopped_margin_m, standing_now - 1e-3))
     decay = SETTINGS.people_decay_m
-    nearness = np.exp(-np.maximum(gap, -decay) / decay) * np.exp(-TIME_S / SETTINGS.foresight_s)
+    nearness = np.exp(-np.maximum(gap, -decay) / decay) * np.exp(-COSTS_S / SETTINGS.foresight_s)
     return SETTINGS.people_weight * nearness.max(axis=-1), too_close
 
 
@@ -110,9 +192,31 @@ def test_the_finer_the_cells_the_nearer_a_wall_may_be_and_the_raster_has_a_milli
     cell_size_m, share
 ):
     scenario = load_scenario("hallway").model_copy(update={"cell_size_m": cell_size_m})
-    costs = RolloutCosts(scenario, CostSettings(), np.array([0.1, 0.2]))
+    costs = RolloutCosts(scenario, np.array([0.1, 0.2]))
     assert costs._walls.distance_m.size < 1.1e6
     margin_m = costs._least_wall_m - scenario.robot.radius_m
     assert margin_m == pytest.approx(0.05 * share, rel=1e-3)
     assert costs._wall_decay_m == pytest.approx(0.12 * share, rel=1e-3)
     assert margin_m > 0.5 * math.sqrt(2.0) * costs._walls.resolution_m
+
+
+LATER_S = np.array([0.5, 1.0, 2.0])
+RANGE_M = 5.0
+
+
+def predicted(people, velocity=None, *, most=8):
+    seen = observation_at(1.0, 2.0, people=people, velocity=velocity)
+    return predict_nearby(seen, RANGE_M, most, LATER_S)
+
+
+def now(people):
+    """(K, 2) present positions."""
+    return np.hstack([people.now_x_m, people.now_y_m]).tolist()
+
+
+def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_velocity_stands():
+    velocity = [(1.0, 1.0), (math.nan, 1.0), (1.0, math.inf), (1.0, 0.0)]
+    people = predicted([(math.nan, 2.0), (2.0, 2.0), (2.0, 3.0), (2.0, 4.0)], velocity)
+    assert now(people) == [[2.0, 2.0], [2.0, 3.0], [2.0, 4.0]]
+    np.testing.assert_array_equal(people.x_m, [[2.0] * 3, [2.0] * 3, [2.5, 3.0, 4.0]])
+    np.testing.assert_array_equal(people.y_m, [[2.0] * 3, [3.0] * 3, [4.0] * 3])

@@ -1,1 +1,0 @@
-"""Recorded episodes as pictures and movies."""
