@@ -47,10 +47,8 @@ OF_DEMO = ("visitation", "policy", "arrival")
 
 
 def draw_episode(path: Path) -> None:
-    """A demonstration from above, as a movie; as a picture behind the robot among more people."""
-    still = ("--people", "60", "--view", "chase", "--at", "13")
-    options = still if path.suffix == ".png" else ()
-    _serd("scenario", "film", "hallway", *options, "--output", path)
+    """A demonstration from above, as a movie."""
+    _serd("scenario", "film", "hallway", "--output", path)
 
 
 def draw_map_scenario(path: Path) -> None:
@@ -154,7 +152,6 @@ def _serd(*words: str | Path) -> None:
 
 DRAWN = {
     "episode.gif": draw_episode,
-    "episode_3d.png": draw_episode,
     "map_scenario.png": draw_map_scenario,
     "report_page.png": draw_report_page,
     "teleop_page.png": draw_teleop_page,
