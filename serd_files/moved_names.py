@@ -27,7 +27,7 @@ _EVENTS = (
 _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
 
-_REPLAY = "a replay plays a bag once, from --start to its end"
+_REPLAY = "a replay starts with the nodes of --wait-for and does not pause"
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "experiment"): f"{_LAB} lists what there is",
     ("command", "study"): f"{_LAB} lists what there is",
@@ -52,11 +52,9 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--list"): "serd launch lists the stacks where no name follows",
     ("option", "--resume"): "serd demo takes two minutes; start it again",
     ("option", "--ros"): "serd demo and 'serd launch navigate model:=MODEL' drive through ROS 2",
-    ("option", "--loop"): _REPLAY,
     ("option", "--paused"): _REPLAY,
-    ("option", "--duration"): _REPLAY,
     ("option", "--wait"): _REPLAY,
-    ("option", "--no-clock"): f"{_REPLAY}, with the /clock that was recorded",
+    ("option", "--no-clock"): "a replay plays the /clock that was recorded; leave it out",
     ("option", "--episode"): "a film shows the first episode of its --seed; leave it out",
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
@@ -70,16 +68,10 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "robots"): _ROBOTS,
     ("parameter", "expert"): _TYPES,
     ("parameter", "keys"): f"{_REPLAY}; leave it out",
-    ("parameter", "loop"): f"{_REPLAY}; leave it out",
     ("parameter", "paused"): f"{_REPLAY}; leave it out",
-    ("parameter", "duration_s"): f"{_REPLAY}; leave it out",
     ("parameter", "wait_s"): f"{_REPLAY}; leave it out",
-    ("parameter", "clock_hz"): f"{_REPLAY}, with the /clock that was recorded; leave it out",
-    ("parameter", "exit_with_publishers"): (
-        "a learner of topics learns until it is ended; 'serd launch learn bag:=BAG' learns from a"
-        " recording and ends"
-    ),
-    ("parameter", "exit_when_done"): "bag_replay, and learner with a bag, end when they are done",
+    ("parameter", "clock_hz"): "a replay plays the /clock that was recorded; leave it out",
+    ("parameter", "exit_when_done"): "learner with a bag ends when it is done; leave it out",
     ("parameter", "record_at_start"): (
         "demo_recorder records from its start to its end; with managed:=true from activation to"
         " deactivation"

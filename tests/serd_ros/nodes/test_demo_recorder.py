@@ -109,6 +109,18 @@ def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(record, tmp_pat
     assert times_ns[-1] <= time.time_ns()
 
 
+def test_a_replay_plays_the_part_that_is_wanted_again_and_again_or_once_and_stays(small_bag):
+    given = {"bag": str(small_bag()), "topics": ["robot_pose"], "start_s": 1.0, "duration_s": 0.5}
+    for loop, n_played in ((False, 10), (True, 50)):
+        with node_in_process("bag_replay", **given, loop=loop, exit_when_done=False) as running:
+            running.wait(20.0)  # for subscribers
+            for _ in range(6):
+                running.call_timers()
+                running.wait(10.0)
+            assert running.published["robot_pose"] == n_played
+            assert not running.node.finished.done()
+
+
 def test_an_empty_part_of_a_bag_is_rejected_before_playing(small_bag):
     given = {"bag": str(small_bag()), "start_s": 99999.0}
     with (
