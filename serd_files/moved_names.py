@@ -50,7 +50,6 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--no-page"): f"serd teleop and serd demo always have their page; {_KEYBOARD}",
     ("option", "--page"): "serd teleop and serd demo always have their page; leave the option out",
     ("option", "--list"): "serd launch lists the stacks where no name follows",
-    ("option", "--resume"): "serd demo takes two minutes; start it again",
     ("option", "--ros"): "serd demo and 'serd launch navigate model:=MODEL' drive through ROS 2",
     ("option", "--paused"): _REPLAY,
     ("option", "--wait"): _REPLAY,
@@ -72,10 +71,6 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "wait_s"): f"{_REPLAY}; leave it out",
     ("parameter", "clock_hz"): "a replay plays the /clock that was recorded; leave it out",
     ("parameter", "exit_when_done"): "learner with a bag ends when it is done; leave it out",
-    ("parameter", "record_at_start"): (
-        "demo_recorder records from its start to its end; with managed:=true from activation to"
-        " deactivation"
-    ),
     ("parameter", "actions"): "'serd demos --actions hidden' makes decisions of poses alone",
     ("parameter", "behavior_tree"): "Nav2 has its default behavior tree in its own parameters",
     ("parameter", "maximum_file_mb"): "a bag is one file; leave it out",

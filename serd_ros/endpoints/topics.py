@@ -28,6 +28,8 @@ MARKERS_POLICY = "markers/policy"
 
 RESET = "reset"
 SET_E_STOP = "set_e_stop"
+START_RECORDING = "start_recording"
+STOP_RECORDING = "stop_recording"
 LEARN = "learn"
 
 TF = "tf"

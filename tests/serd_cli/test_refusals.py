@@ -68,7 +68,7 @@ REFUSED = (
     ("launch demonstrat", "did you mean 'demonstrate'?"),
     ("launch live sede:=3", "did you mean 'seed'?"),
     ("launch live seed=3", "must be written name:=value"),
-    ("demo --resume .", "takes two minutes; start it again"),
+    ("demo --resume .", "demo.yaml: it does not exist"),
     ("demo --output empty", "a part of the path is a file, not a folder; check"),
 )
 

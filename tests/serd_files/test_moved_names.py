@@ -28,7 +28,6 @@ from support.commands import work_in_empty_folder
         (["navigate", "model.yaml", "--lookahead", "2"], "waypoints are straight ahead"),
         (["teleop", "--keyboard"], "any publisher of cmd_vel_teleop"),
         (["run", "serd_ros", "foxglove_server"], "foxglove_bridge"),
-        (["demo", "--resume", "x"], "takes two minutes"),
         (["launch", "--list"], "lists the stacks where no name follows"),
         (["demo", "--no-page"], "always have their page"),
         (["episode", "render", "hallway"], "serd scenario film"),
