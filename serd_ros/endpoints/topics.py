@@ -25,6 +25,8 @@ MODEL = "model"
 PLAN = "plan"
 DIAGNOSTICS = "diagnostics"
 MARKERS_POLICY = "markers/policy"
+MARKERS_VALUE = "markers/value"
+MARKERS_ARRIVAL = "markers/arrival"
 
 RESET = "reset"
 SET_E_STOP = "set_e_stop"

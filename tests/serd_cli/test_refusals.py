@@ -66,6 +66,7 @@ REFUSED = (
     ("teleop --no-page", "the page of serd teleop has the keys"),
     ("teleop --token-file nowhere", "nowhere"),
     ("launch demonstrat", "did you mean 'demonstrate'?"),
+    ("run serd_ros gaurd", "did you mean 'guard'?"),
     ("launch live sede:=3", "did you mean 'seed'?"),
     ("launch live seed=3", "must be written name:=value"),
     ("demo --resume .", "demo.yaml: it does not exist"),
