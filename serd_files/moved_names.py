@@ -10,23 +10,18 @@ Kind = Literal["command", "option", "parameter", "executable", "key"]
 _LAB = "it is run by the authors now, from a checkout: python -m lab"
 _NO_GAIN = "it improved no forecast and has left (docs/arrival.md)"
 _TYPES = "types of experts are a library now: serd_core.choose_expert_types (docs/mixed_experts.md)"
-_ROBOTS = (
-    "start one stack per robot, with namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
-)
+_ROBOTS = "start one stack per robot: namespace:=robot1 frame_prefix:=robot1/ (docs/own_robot.md)"
 _PROCESSES = "each node has a process of its own, and a lock-step stack takes twice the time"
 _KEYBOARD = (
     "the page of serd teleop has the keys, also from another machine (--address), and any publisher"
     " of cmd_vel_teleop drives, as teleop_twist_keyboard (docs/how_to/drive_by_hand.md)"
 )
 _WALL = "every obstacle is a wall now; delete the key"
-
 _EVENTS = (
     "a decision ends where the robot enters another cell, or after patience_s (docs/scenarios.md)"
 )
-
 _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
-
 _REPLAY = "a replay starts with the nodes of --wait-for and does not pause"
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "experiment"): f"{_LAB} lists what there is",

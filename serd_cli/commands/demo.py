@@ -138,7 +138,8 @@ def run_phases(
     """Run the phases that are not done; how long each took, with start and end of its nodes."""
     if _LAYOUT.is_file():  # as in a checkout
         atomic_write_text(folder.layout, _LAYOUT.read_text(encoding="utf-8"))
-    timings, phases = [], phases_of(folder, settings)
+    timings: list[PhaseTiming] = []
+    phases = phases_of(folder, settings)
     if folder.bag.exists() and not phases[0].is_done:
         folder.bag.rename(free_folder(folder.root, "unfinished") / "bag")
     for phase in phases:

@@ -14,8 +14,7 @@ from domain_coordinator import domain_id
 
 from lab.benchmarks.report import Row, save
 from serd_bag.files import atomic_write_text
-from serd_cli.processes.workspace import stack_processes
-from serd_cli.processes.workspace import ros_environment
+from serd_cli.processes.workspace import ros_environment, stack_processes
 from serd_files.episode_table import load_episodes
 from serd_files.yaml_config import model_yaml
 from serd_ros.graph.graph import find_stack
