@@ -16,6 +16,7 @@ _EVENTS = (
 )
 _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell (docs/runtime.md)"
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
+_REPLAY = "a replay starts with the nodes of --wait-for and does not pause"
 
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "episode"): "serd scenario film drives one episode and draws it",
@@ -24,12 +25,26 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--times"): f"{_DWELL_TIMES}; leave it out",
     ("option", "--no-page"): _PAGE,
     ("option", "--page"): _PAGE,
-    ("option", "--list"): "serd launch and serd run list what there is where no name follows",
+    ("option", "--list"): "serd launch lists the stacks where no name follows",
+    ("option", "--ros"): "serd demo and 'serd launch navigate model:=MODEL' drive through ROS 2",
+    ("option", "--paused"): _REPLAY,
+    ("option", "--wait"): _REPLAY,
+    ("option", "--no-clock"): "a replay plays the /clock that was recorded; leave it out",
+    ("option", "--episode"): "a film shows the first episode of its --seed; leave it out",
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
     ("option", "--inverse-temperature"): "serd_core.fit_policy_matching has it",
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
+    ("parameter", "keys"): f"{_REPLAY}; leave it out",
+    ("parameter", "paused"): f"{_REPLAY}; leave it out",
+    ("parameter", "wait_s"): f"{_REPLAY}; leave it out",
+    ("parameter", "clock_hz"): "a replay plays the /clock that was recorded; leave it out",
+    ("parameter", "exit_when_done"): "learner with a bag ends when it is done; leave it out",
+    ("parameter", "actions"): "'serd demos --actions hidden' makes decisions of poses alone",
+    ("parameter", "behavior_tree"): "Nav2 has its default behavior tree in its own parameters",
+    ("parameter", "maximum_file_mb"): "a bag is one file; leave it out",
+    ("parameter", "compression"): "'serd bag convert BAG --compression zstd' compresses a bag",
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
     ),

@@ -114,4 +114,7 @@ class BagReplayConfig(NodeConfig):
     # Beyond, times of messages overflow.
     rate: float = setting(1.0, "bag seconds per second", ge=1e-6, le=1e6)
     start_s: float = setting(0.0, "skip this much bag time", unit="s", ge=0)
+    duration_s: float = setting(0.0, "play this much bag time; 0: all", unit="s", ge=0)
+    loop: bool = setting(False, "start again at the end")
     required_nodes: tuple[str, ...] = setting(NO_NAMES, "start when these nodes subscribe")
+    exit_when_done: bool = setting(True, "end the process after the last message")

@@ -107,6 +107,8 @@ def play(
     bag: Bag,
     rate: float = option(BagReplayConfig, "rate"),
     start: float = option(BagReplayConfig, "start_s"),
+    duration: float = option(BagReplayConfig, "duration_s"),
+    loop: bool = option(BagReplayConfig, "loop"),
     topic: Topics = None,
     remap: Remap = None,
     wait_for: WaitFor = None,
@@ -125,6 +127,8 @@ def play(
         topics=topic or ("",),
         rate=rate,
         start_s=start,
+        duration_s=duration,
+        loop=loop,
         required_nodes=wait_for or ("",),
     )
     replay(settings, parse_remappings(remap or ()))

@@ -19,7 +19,7 @@ from serd_cli.processes.stack_run import PAGE, port_fault, run_stack, stack_envi
 from serd_cli.processes.workspace import PROJECT
 from serd_files.settings import setting, setting_of
 from serd_files.table import EpisodeResult, load_episodes
-from serd_files.yaml_config import save_yaml_model
+from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_ros.settings import WatchPageConfig
 from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.scenario.scenario import load_scenario
@@ -70,13 +70,21 @@ _LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
 class Phase:
     """One stack with its parameters, named after the stack.
 
-    n_parts: how many parts it has; drives: folder with its table of episodes, if any.
+    n_parts: how many parts it has; last: the file that is written last, but for the table of
+    episodes in the folder drives.
     """
 
     name: str
     parameters: Mapping[str, Any]
     n_parts: int
+    last: Path
     drives: Path | None = None
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all that it makes is there."""
+        n_driven = self.n_parts if self.drives is None else len(DemoFolder.episodes(self.drives))
+        return n_driven >= self.n_parts and self.last.is_file()
 
 
 def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
@@ -102,9 +110,15 @@ def phases_of(folder: DemoFolder, settings: DemoSettings) -> tuple[Phase, ...]:
         "strategy.output": str(folder.navigation),
     }
     return (
-        Phase("demonstrate", here | demonstrate, settings.demonstrations, folder.demonstrations),
-        Phase("learn", here | learn, 1),
-        Phase("navigate", here | navigate, settings.episodes, folder.navigation),
+        Phase(
+            "demonstrate",
+            here | demonstrate,
+            settings.demonstrations,
+            folder.bag / "metadata.yaml",
+            folder.demonstrations,
+        ),
+        Phase("learn", here | learn, 1, folder.model),
+        Phase("navigate", here | navigate, settings.episodes, folder.model, folder.navigation),
     )
 
 
@@ -121,11 +135,16 @@ def _show(address: str) -> None:
 def run_phases(
     folder: DemoFolder, settings: DemoSettings, environment: Mapping[str, str]
 ) -> list[PhaseTiming]:
-    """Run all phases; how long each took, with start and end of its nodes."""
+    """Run the phases that are not done; how long each took, with start and end of its nodes."""
     if _LAYOUT.is_file():  # as in a checkout
         atomic_write_text(folder.layout, _LAYOUT.read_text(encoding="utf-8"))
-    timings = []
-    for phase in phases_of(folder, settings):
+    timings: list[PhaseTiming] = []
+    phases = phases_of(folder, settings)
+    if folder.bag.exists() and not phases[0].is_done:
+        folder.bag.rename(free_folder(folder.root, "unfinished") / "bag")
+    for phase in phases:
+        if phase.is_done:
+            continue
         began_s, drives = time.monotonic(), phase.drives
         run_stack(
             phase.name,
@@ -135,10 +154,9 @@ def run_phases(
             logs=folder.logs,
             on_address=_show if drives else None,
         )
-        episodes = () if drives is None else folder.episodes(drives)
-        if len(episodes) < (phase.n_parts if drives else 0):
+        if not phase.is_done:
             raise RunError(f"{phase.name} ended before it was done; see logs/{phase.name}.log")
-        simulated_s = sum(row.duration_s for row in episodes) if drives else None
+        simulated_s = sum(row.duration_s for row in folder.episodes(drives)) if drives else None
         timings.append(PhaseTiming(phase.name, time.monotonic() - began_s, simulated_s))
     return timings
 
@@ -146,22 +164,32 @@ def run_phases(
 @with_settings(DemoSettings)
 def demo(
     output: Annotated[Path, opt("folder that gets a run-N folder")] = Path("demo_output"),
+    resume: Annotated[Path | None, opt("continue this run-N folder; its settings count")] = None,
     as_json: AsJson = False,
     **options: Any,
 ) -> None:
-    """Run the phases and print the report's summary."""
-    load_scenario(options["scenario"])
-    absolute = {"scenario": resolved_scenario(options["scenario"])}
-    settings = validated(DemoSettings, **(options | absolute))
-    folder = DemoFolder(free_folder(output, "run"))
-    save_yaml_model(folder.settings, settings)
+    """Run the phases that are not done and print the report's summary."""
+    if resume is not None:
+        folder = DemoFolder(resume)
+        settings = load_yaml_model(folder.settings, DemoSettings)
+    else:
+        load_scenario(options["scenario"])
+        absolute = {"scenario": resolved_scenario(options["scenario"])}
+        settings = validated(DemoSettings, **(options | absolute))
+        folder = DemoFolder(free_folder(output, "run"))
+        save_yaml_model(folder.settings, settings)
     progress_console.print(
         f"{counted(settings.demonstrations, 'demonstration')} and"
         f" {counted(settings.episodes, 'episode')} through ROS 2; results go to {folder.root}",
         soft_wrap=True,
     )
-    with stack_environment(folder.logs) as environment:
-        phases = run_phases(folder, settings, environment)
+    try:
+        with stack_environment(folder.logs) as environment:
+            phases = run_phases(folder, settings, environment)
+    except (KeyboardInterrupt, RunError):
+        again = f"continue with: serd demo --resume {folder.root}"
+        progress_console.print(again, soft_wrap=True)
+        raise
     from serd_cli.output.demo import report_demo
 
     report_demo(folder, settings, phases, as_json=as_json)

@@ -25,7 +25,7 @@ from serd_cli.processes.workspace import (
     ros_environment,
     stack_processes,
 )
-from serd_ros.graph.graph import find_stack, full_namespace, load_graph
+from serd_ros.graph.graph import PACKAGE, find_stack, full_namespace, load_graph
 from serd_ros.process.progress import Progress
 from serd_ros.settings import WatchPageConfig
 from serd_sim.scenario.scenario import load_scenario
@@ -59,13 +59,16 @@ def launch(
 
 def run(
     context: typer.Context,
-    package: Annotated[str, arg("ROS package, for example serd_ros")],
-    executable: Annotated[str, arg("its executable, for example hallway_sim")],
+    package: Annotated[str, arg("ROS package; without one the nodes of serd_ros are listed")] = "",
+    executable: Annotated[str, arg("its executable, for example hallway_sim")] = "",
 ) -> None:
     """serd run serd_ros hallway_sim --ros-args -p seed:=3
 
     The process becomes the node, so exit code and signals are the node's own.
     """
+    if not package:
+        console.print(f"serd run {PACKAGE} NODE, where NODE is {', '.join(load_graph().nodes)}")
+        return
     environment = ros_environment(os.environ)
     command = find_command(package, executable, environment)
     os.execve(command[0], [*command, *context.args], environment)

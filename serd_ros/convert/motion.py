@@ -167,6 +167,9 @@ def to_path(points_m: NDArray[np.float64], time_s: float) -> Path:
 
 
 _ARROW = ColorRGBA(r=0.1, g=0.1, b=0.1, a=0.9)
+_TEXT = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)
+#: Red, green and blue of the lowest and of the highest value.
+_LOW, _HIGH = np.array([0.93, 0.95, 1.0]), np.array([0.10, 0.35, 0.65])
 
 
 def to_policy_markers(
@@ -185,6 +188,29 @@ def to_policy_markers(
         marker.scale = Vector3(x=size[0], y=size[1], z=size[2])
         markers.append(marker)
     return MarkerArray(markers=markers)
+
+
+def to_value_markers(
+    centers_m: NDArray[np.float64], value: NDArray[np.float64], cell_size_m: float, time_s: float
+) -> MarkerArray:
+    """All cells (S, 2) as one list of cubes, darker where the value (S,) is higher."""
+    marker = _marker(0, "value", Marker.CUBE_LIST, time_s)
+    size = 0.98 * cell_size_m
+    marker.scale = Vector3(x=size, y=size, z=0.01)
+    shares = (value - value.min()) / max(float(np.ptp(value)), 1e-12)
+    colours = _LOW + shares[:, None] * (_HIGH - _LOW)
+    marker.points = [Point(x=x_m, y=y_m, z=-0.01) for x_m, y_m in centers_m.tolist()]
+    marker.colors = [ColorRGBA(r=r, g=g, b=b, a=0.8) for r, g, b in colours.tolist()]
+    return MarkerArray(markers=[marker])
+
+
+def to_text_marker(words: str, at_m: tuple[float, float], time_s: float) -> MarkerArray:
+    """Words that face the viewer, above a point."""
+    marker = _marker(0, "words", Marker.TEXT_VIEW_FACING, time_s)
+    marker.pose = to_pose((*at_m, 0.0))
+    marker.pose.position.z = 1.2
+    marker.scale, marker.color, marker.text = Vector3(x=0.0, y=0.0, z=0.4), _TEXT, words
+    return MarkerArray(markers=[marker])
 
 
 def _marker(number: int, namespace: str, kind: int, time_s: float) -> Marker:

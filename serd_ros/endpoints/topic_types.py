@@ -75,7 +75,8 @@ TYPES = {
         ("geometry_msgs/msg/PolygonStamped", qos.LATCHED, topics.GOAL_AREA),
         ("std_msgs/msg/Float64MultiArray", qos.LATCHED, topics.ARRIVAL),
         ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
-        ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY),
+        ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY,
+         topics.MARKERS_VALUE, topics.MARKERS_ARRIVAL),
         (_TF, None, topics.TF, topics.TF_STATIC),
     )
     for topic in names

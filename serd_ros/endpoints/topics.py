@@ -25,9 +25,13 @@ MODEL = "model"
 PLAN = "plan"
 DIAGNOSTICS = "diagnostics"
 MARKERS_POLICY = "markers/policy"
+MARKERS_VALUE = "markers/value"
+MARKERS_ARRIVAL = "markers/arrival"
 
 RESET = "reset"
 SET_E_STOP = "set_e_stop"
+START_RECORDING = "start_recording"
+STOP_RECORDING = "stop_recording"
 LEARN = "learn"
 
 TF = "tf"

@@ -99,24 +99,26 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         for topic, kind in self._outlet.skipped.items():
             text = f"{topic} is not played: {kind} is not in CDR or not installed"
             self.get_logger().warning(text)
-        excerpt = Excerpt(frozenset(self._outlet.topics), config.start_s, math.inf)
+        played, duration_s = frozenset(self._outlet.topics), config.duration_s or math.inf
+        self._excerpt = Excerpt(played, config.start_s, duration_s)
         self._n_sent = 0
         self._readiness = Readiness(self, config.required_nodes, now_s)
         self._waiting_until_s: float | None = now_s + _WAIT_S
-        self._sound = UntilDamage(excerpt.messages(self._reader))
-        self._playback = Playback(self._sound, rate=config.rate)
-        self._require_messages()
-        endpoints.every(_TURN_S, self._turn)
+        self._playback = self._from_the_beginning()
+        self._turns = endpoints.every(_TURN_S, self._turn)
         endpoints.every(_REPORT_PERIOD_S, self._report_playback)
 
-    def _require_messages(self) -> None:
+    def _from_the_beginning(self) -> Playback:
+        self._sound = UntilDamage(self._excerpt.messages(self._reader))
+        playback = Playback(self._sound, rate=self.config.rate)
         if self._sound.damage:
             raise NodeError(self._sound.damage)
-        if self._playback.finished:
+        if playback.finished:
             raise NodeError(
                 f"bag {self.config.bag} must hold a message to play, got none from"
-                f" {self.config.start_s:g} s on; begin earlier, or play other topics"
+                f" {self.config.start_s:g} s on; begin earlier, play longer or other topics"
             )
+        return playback
 
     def _turn(self) -> None:
         if self._waiting_until_s is not None and not self._has_subscribers():
@@ -156,10 +158,16 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
 
     def _end(self) -> None:
         """All sound messages have been played; a damaged bag ends the node with the damage."""
+        damage = self._sound.damage
+        if self.config.loop and not damage:
+            self._playback = self._from_the_beginning()
+            return
+        self._turns.cancel()
         self._outlet.finish()
         self._report_playback()
-        if damage := self._sound.damage:
+        if damage:
             self.fail(damage)
             return
         self.get_logger().info(f"played {self._n_sent} messages of {self.config.bag}")
-        self.finish(0)
+        if self.config.exit_when_done:
+            self.finish(0)

@@ -12,6 +12,8 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
+from std_srvs.srv import Trigger
+
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
@@ -51,6 +53,7 @@ class DemoRecorderConfig(ManagedConfig):
         min_length=1,
     )
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
+    record_at_start: bool = setting(True, "record at once, without start_recording")
     minimum_free_mb: float = setting(100.0, "end when less disk is free", unit="MB", ge=0)
 
 
@@ -78,7 +81,7 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
 
 
 class Recording(Activity):
-    """Subscribes raw and records; each activation begins a bag, `output`, `output-2`, ..."""
+    """Subscribes raw and records into `output`, `output-2`, ...; services begin and end a bag."""
 
     def __init__(self, kinds: dict[str, TopicType], bags: list[Path], endpoints: Endpoints) -> None:
         self._node, self._config, self._bags = endpoints.node, endpoints.node.config, bags
@@ -87,9 +90,11 @@ class Recording(Activity):
         self._topics = {
             name: FollowedTopic(endpoints, name, kind, self._take) for name, kind in kinds.items()
         }
-        self._recorder: BagRecorder | None = self._begun()
-        for topic in self._topics.values():
-            self._declare(topic)
+        self._recorder: BagRecorder | None = None
+        endpoints.serve(Trigger, topics.START_RECORDING, self._on_start)
+        endpoints.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
+        if self._config.record_at_start:
+            self._start()
         endpoints.every(_POLL_PERIOD_S, self._poll)
         endpoints.every(_REPORT_PERIOD_S, self._report)
 
@@ -166,14 +171,36 @@ class Recording(Activity):
         self._finish_bag()
         self._node.fail(recorder.status.problem)
 
-    def _begun(self) -> BagRecorder:
+    def _start(self) -> Path:
+        """Begin a bag; where messages had no /clock before, there may be one now."""
         settings = RecorderSettings(min_free_bytes=round(self._config.minimum_free_mb * 1e6))
         output = folder = Path(self._config.output)
         numbers = count(2)
         while self._bags and folder.exists():
             folder = output.with_name(f"{output.name}-{next(numbers)}")
+        self._recorder = BagRecorder(folder, settings=settings)
         self._bags.append(folder)
-        return BagRecorder(folder, settings=settings)
+        if self._recording_clock is not None and not self._recording_clock.simulated:
+            self._recording_clock = None
+        for topic in self._topics.values():
+            self._declare(topic)
+        return folder
+
+    def _on_start(self, _: Trigger.Request) -> str:
+        if self._recorder is not None:
+            raise NodeError(f"recording into {self._recorder.directory}")
+        return f"recording into {self._start()}"
+
+    def _on_stop(self, _: Trigger.Request) -> str:
+        """What came in before the call is in the bag."""
+        recorder = self._recorder
+        if recorder is None:
+            raise NodeError("nothing is being recorded")
+        self._record_what_waits()
+        self._finish_bag()
+        if recorder.status.problem:
+            raise NodeError(recorder.status.problem)
+        return f"{recorder.status.n_messages} messages in {recorder.directory}"
 
     def _report(self) -> None:
         self._look_at(self._topics.values())

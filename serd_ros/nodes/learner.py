@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
+from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -42,6 +43,7 @@ _CHECKPOINT_PERIOD_S = 1.0
 #: Intents may come this much later (s) than the end mark of their episode; later, it counts anew.
 _SETTLING_S = 0.5
 _UNCONVERGED = 1
+_REPLAY = "bag_replay"
 
 
 class LearnerConfig(LearningSettings, ManagedConfig):
@@ -56,6 +58,9 @@ class LearnerConfig(LearningSettings, ManagedConfig):
     output: str = setting("model.yaml", "model file to write", min_length=1)
     decisions: str = setting("", "also write the table of decisions to this file")
     flow: str = setting("", "table of the flow of people by `serd demos`; else the scenario's own")
+    exit_with_publishers: bool = setting(
+        False, "live: end when a replay is over or nothing publishes any more, and all is learned"
+    )
 
 
 class LearnerNode(SerdNode[LearnerConfig]):
@@ -103,7 +108,11 @@ class Learning(Activity):
         # An episode that ended before a deactivation is still to be gathered.
         n_ended = 0 if memory is None else memory.drive.n_ended
         self._ended_s = self._node.wall_s() if n_ended else None
-        self._heard_s = self._node.wall_s()
+        #: Wall time at which a message came or something published; None before.
+        self._heard_s = self._ended_s
+        self._is_played = False
+        #: Why there is no model of all that was shown; empty where there is one.
+        self._refusal = "no episode has ended"
         self._checkpoint_due_s = 0.0
         self._worker = FitWorker()
         if memory is not None:
@@ -123,6 +132,16 @@ class Learning(Activity):
             kind = topic_type(topic, stamped_cmd_vel=False)
             take = partial(self._take, memory, topic)
             endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
+        if self._config.exit_with_publishers:
+            take_report = self._on_diagnostics
+            endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, take_report, qos.STATE)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """The end of a replay, also of a bag without the topics that are learned from."""
+        for status in message.status:
+            if status.name == _REPLAY:
+                self._is_played = status.message == "finished"
+                self._heard_s = self._heard_s or self._node.wall_s()
 
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
         drive = memory.drive
@@ -149,6 +168,16 @@ class Learning(Activity):
             self._gather_ended(memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
+        elif self._config.exit_with_publishers and not self._worker.busy:
+            self._end_with_publishers()
+
+    def _end_with_publishers(self) -> None:
+        if self._ended_s is not None or not self._has_ended(self._node.wall_s()):
+            return
+        if self._refusal:
+            self._node.fail(f"no model was learned: {self._refusal}")
+        else:
+            self._node.finish(0)
 
     def _settled(self, memory: LearnerMemory) -> bool:
         if self._ended_s is None:
@@ -158,11 +187,11 @@ class Learning(Activity):
         return is_due and (memory.drive.caught_up or self._has_ended(now_s))
 
     def _has_ended(self, now_s: float) -> bool:
-        """Whether nothing publishes what is learned from, and all that arrived has been taken."""
+        """Whether nothing plays or publishes any more, and all that arrived has been taken."""
         observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
-        if any(map(self._node.count_publishers, observed)):
+        if not self._is_played and any(map(self._node.count_publishers, observed)):
             self._heard_s = now_s
-        return now_s - self._heard_s > _SETTLING_S
+        return self._heard_s is not None and now_s - self._heard_s > _SETTLING_S
 
     def _gather_ended(self, memory: LearnerMemory) -> None:
         try:
@@ -242,6 +271,7 @@ class Learning(Activity):
 
     def _conclude(self, outcome: FitOutcome) -> None:
         save_outcome(Path(self._config.output), outcome, self._task.problem.grid)
+        self._refusal = ""
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
             self._memory.save_learned(outcome.fit)
@@ -259,5 +289,6 @@ class Learning(Activity):
         if self._memory is None:
             self._node.fail(reason)
             return
+        self._refusal = reason
         self._node.get_logger().warning(f"not learned: {reason}")
         self._node.report(0.0, {"model": self._config.output}, level=WARN, message=reason)

@@ -32,6 +32,8 @@ from serd_ros.convert.motion import (
     to_goal_area_message,
     to_path,
     to_policy_markers,
+    to_text_marker,
+    to_value_markers,
     to_waypoint_message,
 )
 from serd_ros.endpoints import qos, topics
@@ -220,14 +222,17 @@ class StrategyReporter:
         self._arrival = endpoints.publisher(Float64MultiArray, topics.ARRIVAL, qos.LATCHED)
         self._way = endpoints.publisher(PathMessage, topics.PLAN, qos.COMMAND)
         self._arrows = endpoints.publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
+        self._values = endpoints.publisher(MarkerArray, topics.MARKERS_VALUE, qos.LATCHED)
+        self._text = endpoints.publisher(MarkerArray, topics.MARKERS_ARRIVAL, qos.LATCHED)
 
     def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
         """Publish a new plan and log its remarks; began_s: wall time when planning began."""
         grid, policy = strategy.problem.grid, strategy.policy
-        time_s = self.time_s
+        centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
         self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
         arrows = [Action(int(each)) for each in policy.greedy]
-        self._arrows.publish(to_policy_markers(grid.centers_m, arrows, grid.cell_size_m, time_s))
+        self._arrows.publish(to_policy_markers(centers_m, arrows, size_m, time_s))
+        self._values.publish(to_value_markers(centers_m, policy.value, size_m, time_s))
         took_ms = 1e3 * (self._node.wall_s() - began_s)
         self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
         for remark in plan_remarks(strategy):
@@ -242,6 +247,9 @@ class StrategyReporter:
         self._arrival.publish(to_arrival_message(forecast.law, self.time_s))
         if self._way.get_subscription_count():
             self._way.publish(to_path(navigator.way_m(observation), self.time_s))
+        if self._text.get_subscription_count():
+            place_m = observation.x_m, observation.y_m
+            self._text.publish(to_text_marker(forecast.summary, place_m, self.time_s))
         if forecast.needs_attention:
             self._node.get_logger().warning(
                 f"{forecast.situation} at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "

@@ -16,6 +16,7 @@ from serd_cli.errors import UsageError
 from serd_cli.options import validated, with_settings
 from serd_cli.output import terminal
 from serd_core import __version__
+from serd_ros.graph.graph import load_graph
 from serd_ros.process.executable import starting
 from support.waiting import PATIENCE_S
 
@@ -79,6 +80,12 @@ def test_the_overview_fits_a_screen_with_whole_sentences(serd, monkeypatch):
         assert 10 < len(shown.splitlines()) <= 40
         assert "…" not in shown
         assert all(f"{about} " in shown for about in (COMMANDS.values() if not words else ()))
+
+
+def test_without_a_name_the_stacks_and_the_nodes_are_listed(serd):
+    graph = load_graph()
+    for command, names in (("launch", graph.stacks), ("run", graph.nodes)):
+        assert all(name in serd(command).out for name in names)
 
 
 def test_each_module_of_commands_defines_the_command_of_its_name(root):

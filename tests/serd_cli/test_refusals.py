@@ -66,9 +66,10 @@ REFUSED = (
     ("teleop --no-page", "always have their page"),
     ("teleop --token-file nowhere", "nowhere"),
     ("launch demonstrat", "did you mean 'demonstrate'?"),
+    ("run serd_ros gaurd", "did you mean 'guard'?"),
     ("launch live sede:=3", "did you mean 'seed'?"),
     ("launch live seed=3", "must be written name:=value"),
-    ("demo --resume .", "takes two minutes; start it again"),
+    ("demo --resume .", "demo.yaml: it does not exist"),
     ("demo --output empty", "a part of the path is a file, not a folder; check"),
 )
 

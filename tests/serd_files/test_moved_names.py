@@ -17,7 +17,8 @@ from support.commands import work_in_empty_folder
     [
         (["learn", "decisions.csv", "--times", "crossings.csv"], "learns how long moves take"),
         (["navigate", "model.yaml", "--lookahead", "2"], "waypoints are straight ahead"),
-        (["run", "--list"], "list what there is where no name follows"),
+        (["launch", "--list"], "lists the stacks where no name follows"),
+        (["demo", "--no-page"], "always have their page"),
         (["episode", "render", "hallway"], "serd scenario film"),
     ],
 )

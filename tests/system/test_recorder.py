@@ -238,15 +238,6 @@ def bag(root: Path) -> Path:
     return sorted(path.parent for path in (root / "bags/data").rglob("metadata.yaml"))[0]
 
 
-@pytest.fixture
-def replay(nodes, ros_env, bag):
-    def start(**parameters):
-        command = node_command("bag_replay", {"bag": str(bag), **parameters}, {}, ros_env)
-        return nodes.start(command, "bag_replay")
-
-    return start
-
-
 def demonstrations(bag):
     return demonstrations_of_bag(bag, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s)[0]
 
@@ -255,19 +246,22 @@ def table_without_source(path: Path) -> list[str]:
     return [line.rsplit(",", 1)[0] for line in path.read_text().splitlines()]
 
 
-def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(
-    nodes, probe, replay, bag, tmp_path
-):
+def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, bag, tmp_path):
+    """The learner ends by itself, with a model of all of them."""
     save_decisions(tmp_path / "offline.csv", demonstrations(bag).decisions)
     received, model = tmp_path / "received.csv", tmp_path / "model.yaml"
-    nodes.start_stack("learn", output=str(model), decisions=str(received))
-    replay(rate=500.0, required_nodes=["learner"])
+    learner = nodes.start_stack(
+        "replay_and_learn",
+        bag=str(bag),
+        bag_replay__rate=500.0,
+        learner__output=str(model),
+        learner__decisions=str(received),
+    )["learner"]
+    probe.spin_until(lambda: learner.poll() is not None)
+    assert learner.returncode == 0
     wanted = table_without_source(tmp_path / "offline.csv")
-    probe.spin_until(
-        lambda: received.exists() and len(table_without_source(received)) == len(wanted)
-    )
     assert table_without_source(received) == wanted
-    probe.spin_until(model.exists)
+    assert load_model(model).fit.n_decisions == len(wanted) - 1
     # What `serd learn` reads of the table is beside it.
     assert read_learning_files(received, discount=0.9).scenario == HALLWAY
 

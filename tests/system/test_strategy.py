@@ -4,6 +4,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
 from serd_app.journeys.navigate import drive
 from serd_app.navigation.navigator import ArrivalRow
@@ -34,8 +35,9 @@ class Watch:
     def __init__(self, probe):
         self.probe, node = probe, probe.node
         self.y_m = 0.0
-        self.messages = []
+        self.messages, self.texts = [], []
         self.goals = node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
+        node.create_subscription(MarkerArray, "markers/arrival", self.texts.append, qos.LATCHED)
         node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
         node.create_subscription(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
 
@@ -105,6 +107,7 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
     spin_until(lambda: watch.reported("refused: goal must be in a walkable cell"))
     turned = row_of_a_goal_during_an_episode(watch, tmp_path)
     assert turned.outcome == "arrived"
+    assert watch.texts[-1].markers[0].text
 
     nodes.kill("strategy")
     kept = arrivals(tmp_path)

@@ -84,10 +84,12 @@ def test_options_of_play_become_parameters_of_the_node(serd, drive_bag, monkeypa
     monkeypatch.setattr(stack_run, "node_command", lambda *words: nodes.append(words) or ["true"])
     monkeypatch.setattr(stack_run.os, "execve", lambda *_: None)
     given = ["--rate", "10", "--start", "2", "--topic", "intent", "--wait-for", "learner"]
+    given += ["--duration", "3", "--loop"]
     ended = serd("bag", "play", bag, *given, "--remap", "intent:=other")
     assert ended.code == 0, ended.err
     ((node, parameters, remappings, _),) = nodes
     assert (node, remappings) == ("bag_replay", {"intent": "other"})
     assert parameters["bag"] == str(bag.resolve())
     assert (parameters["rate"], parameters["start_s"]) == (10.0, 2.0)
+    assert (parameters["duration_s"], parameters["loop"]) == (3.0, True)
     assert (parameters["topics"], parameters["required_nodes"]) == (("intent",), ("learner",))

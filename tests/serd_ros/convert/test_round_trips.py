@@ -193,12 +193,18 @@ def test_an_episode_mark_and_values_of_diagnostics_survive():
     assert diagnostics.values_of(message, "other") is None
 
 
-def test_markers_show_the_arrows_of_a_policy():
+def test_markers_show_the_arrows_of_a_policy_values_and_a_text():
     centers = np.array([[0.5, 0.5], [1.5, 0.5]])
     arrows = motion.to_policy_markers(centers, [Action.WAIT, Action.NORTH], 1.0, 7.5).markers
     assert [arrow.id for arrow in arrows] == [0, 1]
     assert stamps.stamp_s(arrows[0].header.stamp) == 7.5
     assert motion.from_pose(arrows[1].pose)[2] == pytest.approx(math.pi / 2)
+    for value in (np.array([0.0, 5.0]), np.array([3.0, 3.0])):
+        (cells,) = motion.to_value_markers(centers, value, 1.0, 0.0).markers
+        assert [(each.x, each.y) for each in cells.points] == [(0.5, 0.5), (1.5, 0.5)]
+        assert (cells.colors[0].r > cells.colors[1].r) == (value[0] < value[1])
+    (words,) = motion.to_text_marker("arrives in 31 s", (2.5, 4.0), 3.0).markers
+    assert (words.text, words.pose.position.x) == ("arrives in 31 s", 2.5)
 
 
 @given(now_s=st.floats(0.0, 1e6), shares=st.lists(st.floats(0.002, 1.0), min_size=1, max_size=30))

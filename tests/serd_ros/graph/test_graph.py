@@ -88,6 +88,7 @@ def test_all_that_the_page_shows_is_recorded_but_for_diagnostics():
         ("live", {"local_planner.scenario": "corridor"},
          {"local_planner.scenario": "corridor", "hallway_sim.scenario": "hallway"}),
         # A name does not reach a node to which the stack gives its own value.
+        ("replay_and_learn", {"bag": "drive"}, {"bag_replay.bag": "drive", "learner.bag": ""}),
         ("demonstrate_and_learn", {"output": "drive"},
          {"demo_recorder.output": "drive", "learner.output": "model.yaml",
           "scripted_expert.output": ""}),

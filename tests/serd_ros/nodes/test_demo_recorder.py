@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
 from serd_bag.reader import BagReader
 from serd_files.errors import USER_ERRORS
@@ -74,6 +75,29 @@ def test_of_the_messages_that_wait_at_the_end_one_too_short_for_a_stamp_is_left_
     assert kept.topic == "/odom"
 
 
+def test_a_stop_request_keeps_the_messages_that_wait_and_a_start_begins_another_bag(
+    record, tmp_path
+):
+    def ask(name):
+        answer = running.call(f"{name}_recording", Trigger.Request())
+        return answer.success, answer.message
+
+    with record("odom", record_at_start=False) as running:
+        odometry = running.node.create_publisher(Odometry, "odom", qos.STATE)
+        wait_until(odometry.get_subscription_count)
+        running.receive("odom", serialize_message(Odometry()))
+        assert ask("stop") == (False, "nothing is being recorded")
+        assert not (tmp_path / "bag").exists()
+        for name, n_messages in (("bag", 100), ("bag-2", 1)):
+            assert ask("start") == (True, f"recording into {tmp_path / name}")
+            assert ask("start") == (False, f"recording into {tmp_path / name}")
+            for _ in range(n_messages):
+                odometry.publish(Odometry())
+            assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+            assert ask("stop") == (True, f"{n_messages} messages in {tmp_path / name}")
+            assert len(list(BagReader(tmp_path / name).messages())) == n_messages
+
+
 def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(record, tmp_path):
     with record("/clock", "robot_pose", "cmd_vel") as running:
         for time_s in (900.0, 5.0):
@@ -107,6 +131,18 @@ def test_log_time_is_the_time_of_receipt_whatever_the_stamps_are(record, tmp_pat
     assert times_ns == sorted(times_ns)
     assert began_ns <= times_ns[0]
     assert times_ns[-1] <= time.time_ns()
+
+
+def test_a_replay_plays_the_part_that_is_wanted_again_and_again_or_once_and_stays(small_bag):
+    given = {"bag": str(small_bag()), "topics": ["robot_pose"], "start_s": 1.0, "duration_s": 0.5}
+    for loop, n_played in ((False, 10), (True, 50)):
+        with node_in_process("bag_replay", **given, loop=loop, exit_when_done=False) as running:
+            running.wait(20.0)  # for subscribers
+            for _ in range(6):
+                running.call_timers()
+                running.wait(10.0)
+            assert running.published["robot_pose"] == n_played
+            assert not running.node.finished.done()
 
 
 def test_an_empty_part_of_a_bag_is_rejected_before_playing(small_bag):

@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_bag.errors import FileError
+from serd_ros.convert.diagnostics import to_diagnostics
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
+from support.valid_messages import valid_message
 
 
 @pytest.mark.parametrize(
@@ -26,6 +29,28 @@ def test_what_cannot_be_learned_or_written_is_rejected_at_the_start(
     given = {"output": str(tmp_path / "m.yaml"), **given, **paths}
     with pytest.raises(error, match=sentence), node_in_process("learner", **given):
         pass
+
+
+@pytest.mark.parametrize("received", ["nothing", "an episode without its last pose"])
+def test_a_learner_of_a_replay_without_a_whole_episode_ends_with_the_reason(
+    received, tmp_path, capsys, messages
+):
+    output = str(tmp_path / "m.yaml")
+    with node_in_process("learner", exit_with_publishers=True, output=output) as running:
+        node = running.node
+        running.wait(10.0)
+        running.call_timers()
+        assert not node.finished.done()  # the replay is still to come
+        if received != "nothing":
+            running.receive("robot_pose", serialize_message(valid_message("robot_pose", 1.0)))
+            running.receive("episode", messages.mark(9.0, "end", 1, "arrived"))
+        running.receive("diagnostics", to_diagnostics("bag_replay", 9.0, {}, message="finished"))
+        assert not node.finished.done()
+        for _ in range(3):
+            running.wait(1.0)
+            running.call_timers()
+        assert node.finished.result() == 2
+    assert "no model was learned" in capsys.readouterr().err
 
 
 @pytest.fixture
