@@ -17,7 +17,7 @@ from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 
 #: Ways lead at most so far (m) past the box around robot and waypoint.
-_DETOUR_M = 2.0
+_DETOUR_M = 4.0
 #: A waypoint farther away (m) is left as it is.
 _FARTHEST_M = 25.0
 #: Ways keep this clear (m) of walls beyond what the robot needs, where there is room.

@@ -21,6 +21,7 @@ from serd_sim.planning.local_planner import (
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.planning.sight import Sight
 from serd_sim.scenario.grid import grid_of
+from serd_sim.scenario.polygon import distance_to_segments_m
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import Obstacle
 from serd_sim.world.command import STOP, Command, chord_velocity, limited_velocity
@@ -107,6 +108,25 @@ def test_a_waypoint_that_a_wall_hides_is_driven_to_round_it_and_one_without_a_wa
     sight = Sight(HALLWAY.model_copy(update={"obstacles": (closed,)}))
     for waypoint in (Waypoint(3.0, 9.0), Waypoint(3.0, -5.0), Waypoint(500.0, 9.0)):
         assert sight.aim(observation_at(3.0, 7.0), waypoint) == waypoint
+
+
+def test_the_way_to_wherever_a_robot_aims_is_clear_of_walls():
+    """Between places 0.4 m from walls, on both sides of one with a gap of 0.7 m."""
+    walls = tuple(
+        Obstacle(name="wall", outline_m=((a, 8.0), (b, 8.0), (b, 8.2), (a, 8.2)))
+        for a, b in ((-1.0, 2.0), (2.7, 7.0))
+    )
+    place = HALLWAY.model_copy(update={"obstacles": walls})
+    sight, rng, n_hidden = Sight(place), np.random.default_rng(5), 0
+    for _ in range(60):
+        (x_m, y_m), to = rng.uniform((0.4, 6.0), (5.6, 7.6)), rng.uniform((0.4, 8.6), (5.6, 10.0))
+        aim = sight.aim(observation_at(x_m, y_m), Waypoint(*to.tolist()))
+        n_hidden += (aim.x_m, aim.y_m) != tuple(to)
+        if math.dist((x_m, y_m), (aim.x_m, aim.y_m)) < 0.4:
+            continue  # the way is followed at least as far
+        line_m = np.linspace((x_m, y_m), (aim.x_m, aim.y_m), 50)
+        assert distance_to_segments_m(line_m, place.wall_segments_m).min() > place.robot.radius_m
+    assert n_hidden > 30
 
 
 def test_a_standing_person_in_the_way_is_never_touched_and_is_passed(planner):
