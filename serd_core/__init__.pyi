@@ -37,8 +37,11 @@ from serd_core.learners.relative_entropy_irl import hoeffding_thresholds as hoef
 from serd_core.learners.serd import fit_mdce_serd as fit_mdce_serd
 from serd_core.learners.serd import fit_pm_serd as fit_pm_serd
 from serd_core.learners.several_goals import fit_several_goals as fit_several_goals
+from serd_core.mdp.finite_horizon import decisions_in_periods as decisions_in_periods
+from serd_core.mdp.finite_horizon import finite_horizon as finite_horizon
 from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
+from serd_core.mdp.problem import from_gymnasium as from_gymnasium
 from serd_core.mdp.problem import from_transitions as from_transitions
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
@@ -61,6 +64,9 @@ from serd_core.semi_markov.models import semi_markov_problem as semi_markov_prob
 from serd_core.semi_markov.place import compare_places as compare_places
 from serd_core.semi_markov.place import dwell_summary as dwell_summary
 from serd_core.semi_markov.place import fit_places as fit_places
+from serd_core.uncertainty.inference import bootstrap as bootstrap
+from serd_core.uncertainty.inference import clustered_outer_product as clustered_outer_product
+from serd_core.uncertainty.inference import likelihood_ratio_test as likelihood_ratio_test
 from serd_core.uncertainty.standard_errors import fit_information as fit_information
 from serd_core.uncertainty.standard_errors import identifiability as identifiability
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors

@@ -19,7 +19,6 @@ from serd_core.bellman.bellman_solver import BellmanProblem, Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import rewards_of
 from serd_core.posterior.coordinates import Coordinates
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block
@@ -155,7 +154,7 @@ class Surrogate:
         """(c, p) log policy of the observed pairs and (c, S) values of as many points as copies."""
         believed = self._believed(points)
         weights = points[:, : len(self.space.like.reward)]
-        rewards = np.concatenate([rewards_of(self.posterior.features, each) for each in weights])
+        rewards = np.concatenate([self.posterior.features @ each for each in weights])
         table = believed.reshape(-1, self.model.n_outcomes)
         transitions = Transitions(self.copies.transitions, table)
         policy_model = self.posterior.policy_model

@@ -26,7 +26,7 @@ from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.learners.start import reward_search
 from serd_core.mdp.mdp import Mdp, checked_policy
-from serd_core.mdp.problem import Problem, weights_gradient
+from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
 from serd_core.posterior.parameters import Block
@@ -123,7 +123,7 @@ def feature_expectation(
 ) -> FloatArray:
     """(F,) expected discounted features phi(pi) from (S,) starts, a difference of distributions."""
     visits = state_action_occupancy(problem.mdp, transitions, policy, starts)
-    return weights_gradient(problem.features, visits)
+    return np.tensordot(visits, problem.features, axes=2)
 
 
 def state_action_occupancy(

@@ -19,7 +19,7 @@ from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import observe_in
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
-from serd_core.mdp.problem import Problem, weights_gradient
+from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import PolicyMatchingPolicy
 
 
@@ -82,6 +82,6 @@ def fit_policy_matching(
         value, by_scaled_q = squared_loss(policy, search.observations.state_action)
         by_q = inverse_temperature * by_scaled_q
         found = adjoint(problem.mdp, search.transitions, solution, by_q)
-        return value, weights_gradient(problem.features, found.reward_gradient)
+        return value, np.tensordot(found.reward_gradient, problem.features, axes=2)
 
     return search.maximise(matching, ascent, on_step)

@@ -42,7 +42,7 @@ from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_names, reward_search
-from serd_core.mdp.problem import Problem, require_problem, usable_features
+from serd_core.mdp.problem import Problem, require_problem
 from serd_core.policies.solved_policy import MdcePolicy
 
 #: What bounds or determines the weights.
@@ -255,7 +255,7 @@ def hoeffding_thresholds(
     require_problem(problem)
     require_share("confidence", confidence)
     require_count("n_episodes", n_episodes, 1, "100")
-    observable, discount = usable_features(problem), problem.mdp.discount
+    observable, discount = problem.features[problem.mdp.available], problem.mdp.discount
     series = (1.0 - discount**horizon) / (1.0 - discount)
     spread = series * observable.max(axis=0) - series * observable.min(axis=0)
     return np.asarray(spread * np.sqrt(np.log(2.0 / (1.0 - confidence)) / (2.0 * n_episodes)))

@@ -6,19 +6,24 @@ its features count once, on arrival: staying for ever pays (1 - gamma) f each ti
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import index
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from serd_core.arrays import (
     FloatArray,
+    IntArray,
     chosen_indices,
     float_array,
+    int_array,
     number_array,
+    require_index,
     require_kind,
     shown,
 )
-from serd_core.dynamics.outcome_models import fixed_transitions
+from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel, fixed_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
 
@@ -86,34 +91,15 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
             f"feature_names must be a sequence of names, got {names!r}; use [{names!r}]"
         )
     for position, name in enumerate(names):
-        if not isinstance(name, str):
-            raise SerdError(f"feature_names must be texts, got {shown(name)}; use '{name}'")
-        if name in names[:position]:
-            raise SerdError(
-                f"feature_names must differ from each other, got {name!r} twice; rename one"
-            )
+        if not isinstance(name, str) or name in names[:position]:
+            raise SerdError(f"feature_names must be texts that differ, got {name!r}; rename one")
     return tuple(names)
 
 
 def rewards(problem: Problem, reward_weights: FloatArray) -> FloatArray:
     """(S, A) rewards theta_R . f(s, a) for (F,) weights."""
     weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
-    return rewards_of(problem.features, weights)
-
-
-def rewards_of(features: FloatArray, weights: FloatArray) -> FloatArray:
-    """(S, A) rewards of (S, A, F) features."""
-    return np.asarray(features @ weights)
-
-
-def weights_gradient(features: FloatArray, by_reward: FloatArray) -> FloatArray:
-    """(F,) sum of (S, A) gradients by the rewards times the features."""
-    return np.tensordot(by_reward, features, axes=2)
-
-
-def usable_features(problem: Problem) -> FloatArray:
-    """(N, F) features of the available pairs."""
-    return problem.features[problem.mdp.available]
+    return np.asarray(problem.features @ weights)
 
 
 def from_transitions(
@@ -139,21 +125,67 @@ def from_transitions(
             f"transitions must have shape (states, actions, states), got {dense.shape}; transpose"
             " them"
         )
-    try:
-        listed = list(terminal)
-    except TypeError as error:
-        raise SerdError(
-            f"terminal must list states, got {shown(terminal)}; use for example [0]"
-        ) from error
+    listed = list(terminal) if isinstance(terminal, Iterable) else terminal
     ends = np.unique(chosen_indices("terminal", listed, len(dense), "a state"))
-    # A terminal state has one action, which stays.
-    kept = np.where(np.isin(np.arange(len(dense)), ends)[:, None, None], 0.0, dense)
-    kept[ends, 0, ends] = 1.0
-    state, action, following = np.nonzero(kept)
-    n_states, n_actions, _ = dense.shape
-    chances = kept[state, action, following]
-    known = fixed_transitions((n_states, n_actions), state, action, following, chances)
-    mdp = Mdp(known, discount)
+    places = np.nonzero(dense)
+    mdp = Mdp(_known(dense.shape[:2], places, dense[places], ends), discount)
+    return _problem(mdp, features, feature_names, ends)
+
+
+def from_gymnasium(
+    environment: Any,
+    *,
+    discount: float,
+    features: Any = None,
+    feature_names: Sequence[str] | None = None,
+    model_of: Any = None,
+) -> TabularProblem:
+    """Make a learning problem from an environment with a table `P`, as Gymnasium's toy texts have.
+
+    `P[s][a]` lists (probability, next state, reward, terminated); states that end an episode become
+    terminal. The reward of the environment is not used by learners; without `features` it is the
+    one feature, so a weight of 1 is the environment's own reward.
+    features: (S, F) of states or (S, A, F) of pairs; feature_names: (F,), None numbers them.
+    discount: gamma in [0, 1) per decision.
+    model_of: None for dynamics that are known; else outcome models are learned, and the k-th entry
+    of each list is their outcome k: one number, or (S, A) of the model of each pair. A list of one
+    entry is certain. Features must then be given. SerdError for an environment without a table.
+
+        problem = sc.from_gymnasium(gymnasium.make("FrozenLake-v1"), discount=0.99)
+    """
+    pairs, columns = _gymnasium_table(environment)
+    state, action, following, outcome, chance, reward, done = columns
+    require_index("next_state", following, pairs[0], "a state")
+    ends = np.unique(following[done])
+    model: OutcomeModels | SparseModel
+    if model_of is not None:
+        model = _outcome_models(pairs, (state, action, outcome, following), ends, model_of)
+    else:
+        model = _known(pairs, (state, action, following), chance, ends)
+        if features is None:
+            features, feature_names = np.zeros((*pairs, 1)), feature_names or ("reward",)
+            np.add.at(features[..., 0], (state, action), reward * chance)
+            features[ends] = 0.0
+    return _problem(Mdp(model, discount), features, feature_names, ends)
+
+
+def _known(
+    n_pairs: tuple[int, ...], places: tuple[IntArray, ...], probability: FloatArray, ends: IntArray
+) -> SparseModel:
+    """The model of (E,) transitions, of which those from terminal states are not used."""
+    kept = (probability != 0) & ~np.isin(places[0], ends)
+    state = np.append(places[0][kept], ends)
+    action = np.append(places[1][kept], np.zeros_like(ends))
+    following = np.append(places[2][kept], ends)
+    known = np.append(probability[kept], np.ones(len(ends)))
+    return fixed_transitions((n_pairs[0], n_pairs[1]), state, action, following, known)
+
+
+def _problem(
+    mdp: Mdp, features: Any, names: Sequence[str] | None, ends: IntArray
+) -> TabularProblem:
+    """The problem with (S, F) or (S, A, F) features, which count once in terminal states."""
+    n_states, n_actions = mdp.available.shape
     values = np.asarray(number_array("features", features), dtype=np.float64)
     if values.ndim == 2 and len(values) == n_states:
         values = np.repeat(values[:, None, :], n_actions, axis=1)
@@ -165,6 +197,41 @@ def from_transitions(
     values = np.array(values)
     values[ends] *= 1.0 - mdp.discount
     numbered = tuple(f"feature {i}" for i in range(values.shape[2]))
-    return TabularProblem(
-        mdp, values, numbered if feature_names is None else unique_names(feature_names)
-    )
+    return TabularProblem(mdp, values, numbered if names is None else unique_names(names))
+
+
+def _gymnasium_table(environment: Any) -> tuple[tuple[int, int], list[NDArray[Any]]]:
+    """(S, A), and (E,) state, action, next state, place in its list, chance, reward and end."""
+    table: Any = getattr(getattr(environment, "unwrapped", environment), "P", None)
+    try:
+        pairs = len(table), max(len(table[state]) for state in range(len(table)))
+        # 0.0 + refuses text, which float() reads.
+        listed = [
+            (state, action, index(after), k, float(0.0 + chance), float(0.0 + reward), bool(done))
+            for state in range(len(table))
+            for action in range(len(table[state]))
+            for k, (chance, after, reward, done) in enumerate(table[state][action])
+        ]
+        # Unpacking refuses an empty list.
+        first, *others = zip(*listed, strict=True)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise SerdError(
+            "environment must have a table P, as FrozenLake, Taxi and CliffWalking have, of lists"
+            " of outcomes (probability, next state, reward, terminated) for states and actions"
+            f" numbered from 0, got {shown(table)}; use from_transitions"
+        ) from error
+    return pairs, [np.array(column) for column in (first, *others)]
+
+
+def _outcome_models(
+    pairs: tuple[int, int], columns: tuple[IntArray, ...], ends: IntArray, model_of: Any
+) -> OutcomeModels:
+    successors = np.full((*pairs, int(columns[2].max()) + 1), -1)
+    successors[columns[:3]] = columns[3]
+    certain = np.sum(successors >= 0, axis=2) == 1
+    successors[certain] = successors[certain].max(axis=1, keepdims=True)
+    successors[ends] = ends[:, None, None]
+    available = np.any(successors >= 0, axis=2)
+    available[ends] = np.arange(pairs[1]) == 0
+    which = int_array("model_of", model_of if np.ndim(model_of) else np.full(pairs, model_of))
+    return OutcomeModels(successors, which, available, int(which.max(initial=0)) + 1)

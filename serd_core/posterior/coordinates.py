@@ -17,7 +17,7 @@ import scipy.linalg
 
 from serd_core.arrays import BoolArray, FloatArray, described
 from serd_core.ascent.ascent import Objective
-from serd_core.mdp.problem import Problem, usable_features
+from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.hessian import posterior_hessian, vector_hessian
 from serd_core.posterior.parameters import Block, Parameters
@@ -29,7 +29,7 @@ ROUNDING = 1e-12
 
 def feature_ranges(problem: Problem) -> FloatArray:
     """(F,) range of each feature; its size where it is constant, 1 where it is 0 everywhere."""
-    values = usable_features(problem)
+    values = problem.features[problem.mdp.available]
     size, spread = np.abs(values).max(axis=0), np.ptp(values, axis=0)
     ranges = np.where(spread > ROUNDING * size, spread, size)
     return np.asarray(np.where(ranges > 0, ranges, 1.0))

@@ -29,7 +29,7 @@ from serd_core.demonstrations.observations import Observations
 from serd_core.dynamics.transition_model import TransitionModel, Transitions, transitions_at
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import Problem, rewards_of, usable_features, weights_gradient
+from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.parameters import Parameters
 from serd_core.priors.prior import Prior
@@ -188,7 +188,7 @@ class Posterior:
         """(S, A, F) of the problem, less a large constant, which changes no policy."""
         if self._model.moves is not self._model:
             return self.problem.features
-        features, given = self.problem.features, usable_features(self.problem)
+        features, given = self.problem.features, self.problem.features[self.problem.mdp.available]
         middle, spread = given.mean(axis=0), np.ptp(given, axis=0)
         large = (spread > 0) & (np.abs(middle) > LARGEST_OFFSET * spread)
         return np.asarray(features - np.where(large, middle, 0.0)) if large.any() else features
@@ -215,7 +215,7 @@ class Posterior:
             of_dwells, by_dwells = seen.dwells.evaluate(parameters.truth)
             dynamics_value, truth = dynamics_value + of_dwells, truth + by_dwells
         gradient = Parameters(
-            reward=weights_gradient(self.features, gradients.reward_gradient),
+            reward=np.tensordot(gradients.reward_gradient, self.features, axes=2),
             belief=self._model.pull_back(parameters.belief, gradients.local_gradient),
             truth=truth,
             policy=self.policy_model.parameter_gradient(parameters.policy, solution.q, counts),
@@ -238,7 +238,7 @@ class Posterior:
         believed = true = transitions_at(self._model, parameters.belief)
         if parameters.truth is not parameters.belief or self._model.moves is not self._model:
             true = transitions_at(self._model.moves, parameters.truth)
-        rewards = rewards_of(self.features, parameters.reward)
+        rewards = self.features @ parameters.reward
         bellman = BellmanProblem(self.policy_model.equation, rewards, believed, self.problem.mdp)
         solution = self.solver.solve(bellman, initial_value)
         log_policy = self.policy_model.log_probabilities(parameters.policy, solution.q)

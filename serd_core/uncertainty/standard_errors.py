@@ -12,7 +12,9 @@ gradient 0; outcome probabilities get theirs by the delta method. M is brought i
 form, D M D with D = diag(M)^(-1/2), which changing units leaves as it is. A diagonal entry that is
 nothing but the rounding of larger numbers is no scale; the size of what cancelled is taken instead.
 Along a null direction all free numbers can move together without changing the likelihood; a
-parameter that one moves has an infinite standard error.
+parameter that one moves has an infinite standard error. Where the model is wrong, or decisions of
+an episode depend on each other, the covariance is the sandwich M^-1 B M^-1 of the outer product B
+of scores, summed by decision (White 1982) or by cluster (Liang and Zeger 1986).
 """
 
 from dataclasses import dataclass
@@ -22,6 +24,7 @@ import scipy  # loads special and stats at their first use
 
 from serd_core.arrays import (
     FloatArray,
+    IntArray,
     float_array,
     require_kind,
     require_share,
@@ -67,6 +70,8 @@ class Information:
     n_decisions: how many; converged: whether the fit did, in what is determined.
     gauge: (g, n) directions that change nothing, such as a constant added to all energies of an
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
+    key: (N,) transition of each decision, as in `Observations`. scores: (G + T, n) of the distinct
+    ones in their order, of TimedDecisions of each decision with its action, and of T hidden moves.
     """
 
     names: tuple[str, ...]
@@ -79,6 +84,8 @@ class Information:
     gauge: FloatArray
     parameters: Parameters
     jacobian: FloatArray
+    key: IntArray
+    scores: FloatArray
 
 
 def fit_information(
@@ -125,6 +132,8 @@ def fit_information(
         gauge=free_gauge(problem, fit.parameters, jacobian),
         parameters=fit.parameters,
         jacobian=jacobian,
+        key=taken_transitions(problem.mdp, decisions),
+        scores=free_scores,
     )
 
 
@@ -335,11 +344,14 @@ def standard_errors(
     information: Information,
     matrix: FloatArray | None = None,
     *,
+    meat: FloatArray | None = None,
     require_optimum: bool = True,
 ) -> StandardErrors:
     """Compute standard errors of rewards and dynamics of a fit, jointly.
 
     matrix: `information.observed`, the default, or `information.outer_product`, (n, n).
+    meat: (n, n) sum of the outer products of scores, for the sandwich with `matrix` around it:
+    `information.outer_product`, or that of `clustered_outer_product`.
     require_optimum: SerdError where the fit did not converge or the gradient is not 0 there.
 
         errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
@@ -361,13 +373,17 @@ def standard_errors(
     shape = model.moves.local_probabilities(at.truth).shape
     truth = model.moves.local_jacobian(at.truth) @ moved[Block.TRUTH]
     belief = model.moves.local_jacobian(at.belief) @ moved[Block.BELIEF]
+    covariance = found.covariance
+    if meat is not None:
+        meat = float_array("meat", meat, covariance.shape)
+        covariance = covariance @ meat @ covariance
     return StandardErrors(
         names=information.names,
-        free=_errors(np.eye(len(matrix)), found),
-        covariance=found.covariance,
-        reward=_errors(moved[Block.REWARD], found),
-        outcome_probabilities=_errors(truth, found).reshape(shape),
-        believed_outcome_probabilities=_errors(belief, found).reshape(shape),
+        free=_errors(np.eye(len(matrix)), found, meat),
+        covariance=covariance,
+        reward=_errors(moved[Block.REWARD], found, meat),
+        outcome_probabilities=_errors(truth, found, meat).reshape(shape),
+        believed_outcome_probabilities=_errors(belief, found, meat).reshape(shape),
     )
 
 
@@ -384,12 +400,16 @@ def _require_optimum(information: Information, found: Spectrum) -> None:
     )
 
 
-def _errors(rows: FloatArray, found: Spectrum) -> FloatArray:
+def _errors(rows: FloatArray, found: Spectrum, meat: FloatArray | None) -> FloatArray:
     """Standard error of each linear combination of the free numbers."""
     moves = rows @ found.directions.T
     total = np.linalg.norm(moves, axis=1)
     touched = np.linalg.norm(moves[:, found.null], axis=1) > TOUCHED * total
-    variance = np.sum(moves[:, ~found.null] ** 2 / found.values[~found.null], axis=1)
+    by_value = moves[:, ~found.null] / found.values[~found.null]
+    variance = np.sum(moves[:, ~found.null] * by_value, axis=1)
+    if meat is not None:
+        influence = by_value @ found.directions[~found.null]
+        variance = np.maximum(np.sum((influence @ meat) * influence, axis=1), 0.0)
     return np.where(touched, np.inf, np.sqrt(variance))
 
 

@@ -32,7 +32,7 @@ WRONG = {
         initial_weights reward_weights dynamics policy sampling_policy
         thresholds outcome_probabilities start_distribution features terminal_features episode
         time_s state action next_state successors model_of available truth visits probability
-        errors matrix period
+        errors clusters matrix meat period
 """),
         NO_ARRAYS,
     ),
@@ -45,7 +45,7 @@ WRONG = {
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        words("n_episodes n_steps n_decisions n_models n n_folds"),
+        words("n_episodes n_steps n_periods n_decisions n_models n n_folds"),
         NO_COUNTS,
     ),
     "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
@@ -72,7 +72,7 @@ def valid(gridworld):
         **dict.fromkeys(words("visits policy sampling_policy"), uniform),
         **dict.fromkeys(words("fit restricted full"), fit),
         **dict.fromkeys(words("temperature weight standard_deviation"), 1.0),
-        **dict.fromkeys(words("n_episodes n_steps n_decisions"), 2),
+        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions"), 2),
         "first": [0, 1],
         "second": [0, 1],
         "problem": problem,
@@ -105,9 +105,9 @@ CALLS = [
     fit_mdce_serd fit_pm_serd fit_maxent_irl fit_mdce_irl_by_likelihood fit_mdce_irl_by_entropy
     fit_policy_matching fit_relative_entropy_irl
     clone_behaviour estimate_dynamics soft_policy optimal_policy
-    boltzmann_policy sample_decisions policy_log_likelihood move_log_likelihood
-    fit_information standard_errors
-    identifiability laplace outcome_information
+    boltzmann_policy sample_decisions finite_horizon policy_log_likelihood move_log_likelihood
+    bootstrap decisions_in_periods fit_information standard_errors clustered_outer_product
+    identifiability likelihood_ratio_test laplace outcome_information
     expected_information_gain fitted_policy validation_log_likelihood
     fixed_transitions from_transitions
     KldPrior GaussianPrior Decisions OutcomeModels TabularProblem Mdp

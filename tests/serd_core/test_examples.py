@@ -5,6 +5,7 @@ import re
 import textwrap
 from dataclasses import replace
 
+import gymnasium
 import numpy as np
 import pandas
 import pytest
@@ -47,7 +48,8 @@ def given():
     )
     fit, timed_fit = (sc.fit_mdce_serd(each, decisions) for each in (problem, timed))
     found = sc.laplace(problem, decisions, fit)
-    return locals() | {"sc": sc, "np": np, "pandas": pandas}
+    fit_without_walls = sc.fit_mdce_serd(place(24, 1), decisions, rng=rng, prior=sc.UniformPrior())
+    return locals() | {"sc": sc, "np": np, "pandas": pandas, "gymnasium": gymnasium}
 
 
 @pytest.mark.parametrize("name", sorted(filter(EXAMPLES.get, EXAMPLES.keys() - NO_PROGRAM)))

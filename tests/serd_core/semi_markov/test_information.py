@@ -164,6 +164,11 @@ def test_the_outer_product_is_that_of_the_gradients_of_single_decisions(fitted):
     information = sc.fit_information(timed, decisions, fit)
     np.testing.assert_allclose(information.outer_product, total, atol=1e-8 * np.abs(total).max())
     assert information.n_decisions == len(decisions) - np.sum(decisions.censored & decisions.hidden)
+    shown = decisions.select(~decisions.hidden)
+    information = sc.fit_information(timed, shown, fit)
+    each = sc.clustered_outer_product(timed, information, shown, np.arange(len(shown)))
+    factor = len(shown) / (len(shown) - 1)
+    np.testing.assert_allclose(each, factor * information.outer_product, atol=1e-8 * each.max())
 
 
 def test_a_fit_of_rewards_alone_knows_nothing_of_dwell_times(learned):

@@ -150,18 +150,20 @@ def informed(problem, decisions, **options):
 BANDIT = sc.from_transitions(np.ones((1, 2, 1)), np.array([[[1.0], [0.0]]]), discount=0.5)
 
 
-def choices(actions):
-    actions = np.asarray(actions)
-    zeros = np.zeros(len(actions), int)
-    return sc.Decisions(np.arange(len(actions)), zeros, zeros, actions, zeros)
+def choices(actions, episode=None):
+    number = np.arange(len(actions))
+    zeros = np.zeros_like(number)
+    return sc.Decisions(number if episode is None else episode, number, zeros, actions, zeros)
 
 
 def test_the_error_of_a_logit_is_its_closed_form():
-    """Scores are 1 - p and -p, so both information matrices are n p (1 - p)."""
+    """Scores are 1 - p and -p, so both information matrices and the sandwich are n p (1 - p)."""
     information = informed(BANDIT, choices([0] * 30 + [1] * 70))
-    for matrix in (information.observed, information.outer_product):
-        errors = sc.standard_errors(BANDIT, information, matrix)
+    outer = information.outer_product
+    for matrix, meat in ((information.observed, None), (outer, None), (None, outer)):
+        errors = sc.standard_errors(BANDIT, information, matrix, meat=meat)
         assert errors.reward[0] == pytest.approx(1 / np.sqrt(100 * 0.3 * 0.7), rel=1e-6)
+        assert errors.free[0] == pytest.approx(np.sqrt(errors.covariance[0, 0]))
 
 
 def random_case(seed, scale=1.0):
