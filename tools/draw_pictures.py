@@ -243,7 +243,7 @@ def _episode_states() -> list[dict[str, Any]]:
                     "duration_s": round(passed_s, 1), "decisions": len(entered),
                     **dict.fromkeys(("number", "kept", "arrived", "discarded"), 0),
                 },
-                **dict.fromkeys(("mux", "guard", "recorder")),
+                **dict.fromkeys(("next_start", "mux", "guard", "recorder")),
             })  # fmt: skip
         return passed_s < _SHOWN_S
 

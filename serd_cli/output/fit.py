@@ -16,7 +16,7 @@ from serd_app.learning.learning_files import LearningFiles
 from serd_app.learning.outcome import FitOutcome
 from serd_app.report.inputs import in_words
 from serd_bag.quantities import counted
-from serd_cli.output.terminal import WorkProgress, console, finite, table_of
+from serd_cli.output.terminal import WorkProgress, console, finite, progress_console, table_of
 from serd_core.grid.grid import Outcome
 
 
@@ -48,6 +48,8 @@ def fit_progress() -> Iterator[ProgressCallback]:
 def print_learned(learned: Learned) -> None:
     """The fit as tables, what it was made of, and what the data leave open."""
     files, outcome, certainty = learned.files, learned.outcome, learned.certainty
+    if learned.missing:
+        progress_console.print(learned.missing, soft_wrap=True)
     console.print(_learned_from(files), soft_wrap=True)
     table = table_of("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(outcome.fit.feature_names):

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TypeVar
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from serd_app.drives.drive import END, EPISODE, OUTCOMES, START, EpisodeMark
@@ -55,6 +56,20 @@ def from_world_report(message: DiagnosticArray) -> tuple[int, dict[str, str]] | 
     for key, example in UNCOUNTED.items():
         _number(values, key, int if example.isdecimal() else float)
     return stamp_ns(message.header.stamp), values
+
+
+def from_learner_report(message: DiagnosticArray) -> tuple[float, float] | None:
+    """Where (m) the next demonstration teaches most; None when the array does not have it.
+
+    MessageError where it is no finite place.
+    """
+    values = values_of(message, "learner")
+    if values is None or "next_x_m" not in values:
+        return None
+    place = _number(values, "next_x_m", float), _number(values, "next_y_m", float)
+    if not np.isfinite(place).all():
+        raise MessageError("next_x_m and next_y_m must be finite", place, "publish a place")
+    return place
 
 
 def _text(values: Mapping[str, str], key: str) -> str:

@@ -19,7 +19,7 @@ from serd_files.errors import USER_ERRORS
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.command import from_intent
-from serd_ros.convert.diagnostics import from_episode_message, values_of
+from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
 from serd_ros.convert.pose import from_odometry, from_pose_stamped, from_waypoint_message
 from serd_ros.convert.sensors import from_people_message, from_scan
 from serd_ros.endpoints import qos, topics
@@ -56,6 +56,7 @@ class PageView:
         self._ranges: NDArray[np.float32] | None = None
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
+        self._next_start: tuple[float, float] | None = None
 
     def subscribe(self, endpoints: Endpoints) -> None:
         """Take the messages that a node receives on the topics."""
@@ -77,6 +78,8 @@ class PageView:
             for name in _SHOWN:
                 if (values := values_of(message, name)) is not None:
                     self._health[name] = values
+            if "converged" in (values_of(message, "learner") or {}):  # a fit has ended
+                self._next_start = from_learner_report(message)
 
     def state(
         self, observation: Observation | None, episode: Mapping[str, Any], wall_s: float
@@ -93,6 +96,7 @@ class PageView:
             "is_stale": observation is None or wall_s - self._seen_wall_s > _STALE_S,
             "waypoint": point(self._waypoint),
             "episode": episode,
+            "next_start": self._next_start,
             "mux": self._health.get("teleop_mux"),
             "guard": self._health.get("guard"),
             "recorder": self._health.get("demo_recorder"),

@@ -275,6 +275,23 @@ def test_an_arrival_law_of_thousands_of_small_steps_is_told_to_a_thousandth():
     assert np.abs(back.probability_by(asked) - law.probability_by(asked)).max() < 1.3e-3
 
 
+def test_the_next_start_of_a_learner_survives_and_must_be_a_place():
+    def report(**values):
+        return diagnostics.to_diagnostics("learner", 0.0, values)
+
+    assert diagnostics.from_learner_report(report(next_x_m=1.5, next_y_m=-0.25)) == (1.5, -0.25)
+    assert diagnostics.from_learner_report(report(step=3)) is None
+    assert (
+        diagnostics.from_learner_report(diagnostics.to_diagnostics("guard", 0.0, {"next_x_m": 1.0}))
+        is None
+    )
+    for values in ({"next_x_m": 1.0}, {"next_x_m": "x", "next_y_m": 0.0}):
+        with pytest.raises(MessageError):
+            diagnostics.from_learner_report(report(**values))
+    with pytest.raises(MessageError, match="must be finite"):
+        diagnostics.from_learner_report(report(next_x_m=1.0, next_y_m=math.nan))
+
+
 def test_a_goal_is_taken_from_the_map_only():
     message = poses.to_pose_stamped((3.5, 20.25, 1.0), 7.0)
     assert poses.from_goal_message(message) == (3.5, 20.25)
