@@ -61,12 +61,11 @@ def draw_map_scenario(path: Path) -> None:
 
 
 def draw_report_page(path: Path) -> None:
-    """The page that three commands make of a shipped recording: its top, and its maps."""
+    """The page that two commands make of a shipped recording: its top, and its maps."""
     bag = ROOT / "bags" / "data" / "hallway" / "training"
     with tempfile.TemporaryDirectory() as name, chromium(width=900, height=1140) as browser:
-        mapping, decisions, model = (Path(name) / each for each in ("map.yaml", "d.csv", "m.yaml"))
-        _serd("bag", "suggest", bag, "--output", mapping)
-        _serd("demos", bag, "--mapping", mapping, "--cell-size-m", "1", "--output", decisions)
+        decisions, model = Path(name) / "decisions.csv", Path(name) / "model.yaml"
+        _serd("demos", bag, "--cell-size-m", "1", "--output", decisions)
         _serd("learn", decisions, "--output", model, "--report", name)
         browser.get((Path(name) / "report.html").as_uri())
         # The time of day is another in each run.

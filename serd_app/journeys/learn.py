@@ -9,10 +9,11 @@ from serd_app.journeys.report import report as write_page
 from serd_app.learning.fit_data import ProgressCallback, ignore_progress
 from serd_app.learning.knowledge import Certainty, certainty_of
 from serd_app.learning.learning_files import LearningFiles, read_learning_files
-from serd_app.learning.outcome import FitOutcome, save_outcome
+from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn
 from serd_app.learning.settings import FlowSource, LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
+from serd_app.report.pictures import save_gain_picture
 from serd_bag.files import require_file_place, require_folder
 
 
@@ -21,7 +22,8 @@ class Learned:
     """A model that was learned from a table and written.
 
     certainty: standard errors and what the data leave open. model: its file. page: of its report,
-    None where none was wanted.
+    None where none was wanted. missing: why no picture was drawn, empty where one was or the fit
+    has none.
     """
 
     files: LearningFiles
@@ -29,6 +31,7 @@ class Learned:
     certainty: Certainty
     model: Path
     page: Path | None = None
+    missing: str = ""
 
 
 def learn_from_table(
@@ -56,12 +59,16 @@ def learn_from_table(
     _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
     outcome = learn(files.task, files.decisions, settings, on_progress)
-    save_outcome(output, outcome, files.task.problem.grid)
+    grid, missing = files.task.problem.grid, ""
+    save_outcome(output, outcome, grid)
+    if outcome.knowledge is not None:
+        picture = outcome_files(output)["gain_map"]
+        missing = save_gain_picture(picture, grid, outcome.knowledge.gain_nats)
     page = None
     if report is not None:
         page = write_page(ReportSources(output, scenario, table), report).page
     certainty = certainty_of(outcome.problem, files.decisions, outcome.fit)
-    return Learned(files, outcome, certainty, output, page)
+    return Learned(files, outcome, certainty, output, page, missing)
 
 
 def _require_left(files: LearningFiles, minimum_decisions: int) -> None:

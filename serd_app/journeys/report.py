@@ -96,7 +96,7 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         predicted=predicted_law(strategy, "train"),
         timeout_s=strategy.timeout_s,
         run=_facts(file),
-        knowledge=load_knowledge(files) if len(trace) else None,
+        knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
         forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(sources, strategy),
         n_demonstrations=file.fit.n_episodes,

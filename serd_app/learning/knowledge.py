@@ -1,5 +1,5 @@
 """What a fit knows: standard errors, what the decisions alone do not determine; precision of each
-outcome model and law of dwell times, and its source.
+outcome model and law of dwell times, its source, and what demonstration would add most.
 """
 
 from collections.abc import Iterable, Mapping
@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_core.bayes.information import outcome_information
+from serd_core.arrays import FloatArray
+from serd_core.bayes.information import expected_information_gain, outcome_information
 from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Outcome
+from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels
@@ -55,9 +56,10 @@ class OutcomeRow:
 class DurationRow:
     """The posterior of how long a move of one outcome model takes on average.
 
-    dwell_times: how many inform it. known_from: dwell times, choices, both, or prior only.
-    confounded_with: the feature whose weight correlates most with the log mean; near 1 or -1 the
-    decisions cannot distinguish a dislike of such moves from their slowness.
+    dwell_times: how many inform it. over_forward: the same interval of the mean over the
+    probability of FORWARD. known_from: dwell times, choices, both, or prior only. confounded_with:
+    the feature whose weight correlates most with the log mean; near 1 or -1 the decisions cannot
+    distinguish a dislike of such moves from their slowness.
     """
 
     model: str
@@ -65,6 +67,9 @@ class DurationRow:
     lower_s: float
     median_s: float
     upper_s: float
+    over_forward_lower_s: float
+    over_forward_median_s: float
+    over_forward_upper_s: float
     known_from: str
     from_dwell_times_nats: float
     from_choices_nats: float
@@ -73,14 +78,34 @@ class DurationRow:
 
 
 @dataclass(frozen=True)
+class GainRow:
+    """What a demonstration that starts in a cell is expected to add."""
+
+    x_m: float
+    y_m: float
+    gain_nats: float
+
+
+@dataclass(frozen=True)
 class Knowledge:
-    """outcomes: by model, then by outcome.
+    """outcomes: by model, then by outcome; gains: of every cell, in the order of the states.
 
     durations: by model; none where the fit learned by decisions that take the same time.
     """
 
     outcomes: tuple[OutcomeRow, ...]
+    gains: tuple[GainRow, ...]
     durations: tuple[DurationRow, ...] = ()
+
+    @property
+    def gain_nats(self) -> FloatArray:
+        """(S,) of all cells."""
+        return np.array([row.gain_nats for row in self.gains])
+
+    @property
+    def next_start(self) -> GainRow:
+        """Where a demonstration is expected to add most."""
+        return max(self.gains, key=lambda row: row.gain_nats)
 
     @property
     def by_model(self) -> dict[str, tuple[OutcomeRow, ...]]:
@@ -103,6 +128,7 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
     """None where the dynamics were not learned."""
     try:
         found = outcome_information(posterior, MASS)
+        gain = expected_information_gain(posterior)
     except SerdError:
         return None
     outcomes = tuple(
@@ -122,7 +148,9 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
         for m, model in enumerate(problem.model_names)
         for outcome in Outcome
     )
-    return Knowledge(outcomes, tuple(_durations(problem, posterior, found.draws)))
+    points = zip(problem.grid.centers_m.tolist(), gain.tolist(), strict=True)
+    gains = tuple(GainRow(x_m, y_m, nats) for (x_m, y_m), nats in points)
+    return Knowledge(outcomes, gains, tuple(_durations(problem, posterior, found.draws)))
 
 
 def _durations(
@@ -133,18 +161,23 @@ def _durations(
     if not isinstance(model, SemiMarkovModels):
         return
     found = dwell_summary(posterior, draws, MASS)
+    over_forward_s = np.exp(found.log_mean_over_probability[:, :, Outcome.FORWARD])
     for m, law in enumerate(model.law_of[:, Outcome.FORWARD]):
         if law == NO_LAW:
             continue
         correlation = found.weight_correlation[:, law]
         partner = int(np.argmax(np.abs(correlation)))
         lower_s, median_s, upper_s = found.mean_interval_s[:, law].tolist()
+        over_lower_s, over_median_s, over_upper_s = over_forward_s[:, m].tolist()
         yield DurationRow(
             model=problem.model_names[m],
             dwell_times=float(found.n_dwells[law]),
             lower_s=lower_s,
             median_s=median_s,
             upper_s=upper_s,
+            over_forward_lower_s=over_lower_s,
+            over_forward_median_s=over_median_s,
+            over_forward_upper_s=over_upper_s,
             known_from=found.source(law),
             from_dwell_times_nats=float(found.from_dwells[law]),
             from_choices_nats=float(found.from_choices[law]),
@@ -154,7 +187,7 @@ def _durations(
 
 
 def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[str]:
-    """Lines per outcome model that applies somewhere."""
+    """Lines per outcome model that applies somewhere, and where to demonstrate next."""
     used = [problem.model_names[m] for m in problem.used_models]
     for model in used:
         row = known.by_model[model][Outcome.FORWARD]
@@ -171,7 +204,8 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
             f"{each.model.replace('_', ' ')}, time of a move: {each.known_from};"
             f" {each.dwell_times:.0f} dwell times: {each.from_dwell_times_nats:.2f} nats, choices:"
             f" {each.from_choices_nats:.2f} nats; mean {each.median_s:.2f} s ({each.lower_s:.2f} to"
-            f" {each.upper_s:.2f})"
+            f" {each.upper_s:.2f}), over P(forward) {each.over_forward_median_s:.3g} s"
+            f" ({each.over_forward_lower_s:.3g} to {each.over_forward_upper_s:.3g})"
         )
     if durations:
         most = max(durations, key=lambda row: abs(row.correlation))
@@ -179,20 +213,32 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
             f"most confounded: how long a move {most.model.replace('_', ' ')} takes and the weight"
             f" of {most.confounded_with.replace('_', ' ')}, correlation {most.correlation:+.2f}"
         )
+    best = known.next_start
+    yield (
+        f"a demonstration from {best.x_m:g},{best.y_m:g} is expected to teach most:"
+        f" {best.gain_nats:.2f} nats"
+    )
 
 
 def save_knowledge(files: Mapping[str, Path], known: Knowledge) -> None:
     """Write all tables."""
     write_rows(files["posterior"], OutcomeRow, known.outcomes)
     write_rows(files["durations"], DurationRow, known.durations)
+    write_rows(files["gain"], GainRow, known.gains)
 
 
-def load_knowledge(files: Mapping[str, Path]) -> Knowledge | None:
-    """What `save_knowledge` wrote; None where the fit had no posterior."""
+def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
+    """What `save_knowledge` wrote for this grid; None where the fit had no posterior."""
     if not files["posterior"].exists():
         return None
     outcomes = read_rows(files["posterior"], OutcomeRow)
-    return Knowledge(outcomes, read_rows(files["durations"], DurationRow))
+    gains = read_rows(files["gain"], GainRow)
+    if len(gains) != grid.n_states:
+        raise SerdError(
+            f"{files['gain']} must have a row for each of {grid.n_states} cells, got {len(gains)}"
+            "; learn again"
+        )
+    return Knowledge(outcomes, gains, read_rows(files["durations"], DurationRow))
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,7 +135,11 @@ class FitOutcome:
         if self.prior_weight is not None:
             found["prior_weight"] = self.prior_weight
         found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
-        return found | asdict(self.traps)
+        found |= asdict(self.traps)
+        if self.knowledge is not None:
+            start = asdict(self.knowledge.next_start)
+            found |= {f"next_{name}": each for name, each in start.items()}
+        return found
 
 
 def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
@@ -148,7 +152,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     keep_scenario(output, outcome.scenario_yaml)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
-    for name in ("posterior", "durations"):
+    for name in ("posterior", "durations", "gain", "gain_map"):
         delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
@@ -156,7 +160,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
 
 
 def outcome_files(output: Path) -> dict[str, Path]:
-    """The files beside a model, by what they hold."""
+    """The files beside a model, by what they hold; `serd learn` draws the map."""
     return {
         "model": output,
         "grid": output.with_suffix(".grid.yaml"),
@@ -164,6 +168,8 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "learning": output.with_suffix(".learning.csv"),
         "posterior": output.with_suffix(".posterior.csv"),
         "durations": output.with_suffix(".durations.csv"),
+        "gain": output.with_suffix(".next_demonstration.csv"),
+        "gain_map": output.with_suffix(".next_demonstration.png"),
     }
 
 

@@ -18,7 +18,9 @@ from serd_app.demonstrations.recorded import (
 )
 from serd_app.navigation.comparison import predicted_law
 from serd_bag.files import delete_file
+from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import state_counts
+from serd_core.grid.grid import Grid
 from serd_files.errors import missing_extra
 from serd_files.table import EpisodeResult
 from serd_sim.drivers.strategy import Strategy
@@ -26,6 +28,16 @@ from serd_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def save_gain_picture(path: Path, grid: Grid, gain_nats: FloatArray) -> str:
+    """Draw the information (S,) that a demonstration from each cell is expected to add."""
+    if missing := _missing():
+        return missing
+    from serd_app.report.figures.maps import draw_gain
+
+    _save(path, draw_gain(None, grid, gain_nats))
+    return ""
 
 
 def save_pictures_of_demonstrations(

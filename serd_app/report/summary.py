@@ -1,5 +1,6 @@
-"""The numbers of a report: for summary.json and the terminal."""
+"""The numbers of a report: for summary.json, the headline and the terminal."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -9,9 +10,11 @@ from serd_app.navigation.comparison import (
     Starts,
     agreement,
     reasons_against_prediction,
+    reasons_text,
 )
 from serd_app.report.figures.arrival import measured_curve, time_reaching
-from serd_app.report.inputs import ReportInputs, RunFacts
+from serd_app.report.inputs import ReportInputs, RunFacts, percent
+from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.arrival.arriving_policy import trap_states
 from serd_core.demonstrations.decisions import Decisions
@@ -111,6 +114,56 @@ def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
         recorded=inputs.recorded,
         measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
     )
+
+
+def headline_of(summary: Summary) -> str:
+    """From how many demonstrations, how many arrivals, how fast, and what had been predicted.
+
+    Where the prediction is not supported it is left out, and the sentence says why.
+    """
+    after = f"After {counted(summary['n_demonstrations'], 'demonstration')}"
+    within = f"within {seconds_in_words(summary['timeout_s'])}"
+    reasons = reasons_text(summary["no_prediction_because"])
+    predicted, half_s = percent(summary["predicted_arrival_probability"]), None
+    if not reasons:
+        half_s = summary["predicted_median_s"]
+    if summary["measured_arrival_probability"] is not None:
+        beside = f"no prediction, because {reasons}" if reasons else f"predicted {predicted}"
+        return (
+            f"{after} the robot reached the goal in {summary['n_arrived']} of"
+            f" {counted(summary['n_episodes'], 'new episode')} {within}"
+            f" ({percent(summary['measured_arrival_probability'])}; {beside})"
+            f"{_speed(summary['measured_median_s'], half_s)}."
+        )
+    after += f" with {counted(summary['n_decisions'], 'decision')}"
+    if reasons:
+        arrived = _recorded(summary)
+        return f"{after}{arrived} the arrival of the robot is not predicted, because {reasons}."
+    half = "" if half_s is None else f", half of the drives within {seconds_in_words(half_s)}"
+    return f"{after} the robot is predicted to reach the goal {within} with {predicted}{half}."
+
+
+def _speed(measured_s: float | None, predicted_s: float | None) -> str:
+    if measured_s is None:
+        return ", fewer than half of them in time"
+    measured = f", half of them within {seconds_in_words(measured_s)}"
+    return measured + (
+        "" if predicted_s is None else f" (predicted {seconds_in_words(predicted_s)})"
+    )
+
+
+def _recorded(summary: Summary) -> str:
+    times_s = summary["recorded_times_s"]
+    if not times_s:
+        return ""
+    all_of_them = len(times_s) == summary["n_demonstrations"]
+    who = "which" if all_of_them else f"of which {len(times_s)}"
+    return f", {who} arrived after {span_in_words(times_s)},"
+
+
+def span_in_words(times_s: Sequence[float]) -> str:
+    """From the first to the last, which may be the same."""
+    return " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
 
 
 def trapped_states(inputs: ReportInputs) -> BoolArray:

@@ -13,21 +13,21 @@ from matplotlib.figure import Figure
 
 from serd_app.navigation.comparison import Agreement, reasons_text
 from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
-from serd_app.report.figures.maps import (
-    draw_policy_map,
-    draw_visitation,
-)
+from serd_app.report.figures.maps import draw_gain, draw_policy_map, draw_visitation
+from serd_app.report.figures.outcomes import OUTCOME_LABELS, draw_outcomes
 from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
 from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import (
     Summary,
+    headline_of,
+    known_decisions,
+    span_in_words,
     summary_of,
     trapped_states,
 )
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.demonstrations.decisions import state_counts
-from serd_core.grid.grid import Outcome
 
 _OWN_FILES: tuple[FileLink, ...] = (
     FileLink("summary.json", "every number of this page"),
@@ -66,6 +66,8 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     scenario, problem = inputs.scenario, inputs.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
+    if inputs.knowledge is not None:
+        found["gain"] = draw_gain(scenario, grid, inputs.knowledge.gain_nats)
     if len(inputs.demonstrations):
         visits = state_counts(inputs.demonstrations, grid.n_states)
         found["visitation"] = draw_visitation(scenario, grid, visits, inputs.demonstration_tracks_m)
@@ -81,6 +83,14 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
+    used = problem.used_models
+    found["outcomes"] = draw_outcomes(
+        [problem.model_names[m] for m in used],
+        inputs.fit.initial_outcome_probabilities[used],
+        inputs.fit.outcome_probabilities[used],
+        known_decisions(inputs)[used],
+        inputs.knowledge,
+    )
     return found
 
 
@@ -101,11 +111,12 @@ def render_page(
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
+        headline=headline_of(summary),
         no_prediction=reasons_text(summary["no_prediction_because"]),
         summary=summary,
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
-        outcome_labels=[outcome.name.lower() for outcome in Outcome],
+        outcome_labels=OUTCOME_LABELS,
         models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
         links=links,
         has_tracks=bool(inputs.demonstration_tracks_m),
@@ -137,8 +148,7 @@ def _recorded_rows(summary: Summary) -> list[tuple[str, str]]:
     times_s = summary["recorded_times_s"]
     if not times_s:
         return []
-    span = " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
-    return [("Recorded arrivals", f"{len(times_s)} of them, after {span}")]
+    return [("Recorded arrivals", f"{len(times_s)} of them, after {span_in_words(times_s)}")]
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:

@@ -36,6 +36,7 @@ def report(
     """Parse the options, write the page and print its summary."""
     from serd_app.journeys.report import ReportSources
     from serd_app.journeys.report import report as write
+    from serd_app.report.summary import headline_of
     from serd_app.report.write import summary_rows
     from serd_cli.output.terminal import console, print_json
     from serd_sim.scenario.grid import point_of
@@ -46,6 +47,7 @@ def report(
     if as_json:
         print_json({**done.summary, "report": str(done.page)})
         return
+    console.print(headline_of(done.summary), soft_wrap=True)
     for what, value in summary_rows(done.summary):
         console.print(f"{what}: {value}", soft_wrap=True)
     console.print(f"report: {done.page}", soft_wrap=True)

@@ -19,7 +19,7 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times
 from serd_app.navigation.navigator import plan_remarks
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_app.report.summary import summary_of
+from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
 from serd_cli.commands.demo import DemoFolder, DemoSettings
@@ -57,6 +57,7 @@ def report_demo(
         print_json({**summary, "report": page})
         return
     console.print()
+    console.print(headline_of(summary))
     console.print(facts_table(summary_rows(summary)))
     command = shlex.join(["serd", "navigate", str(folder.model), "--episodes", "200"])
     console.print(f"more episodes, in process: {command}", soft_wrap=True)
@@ -94,7 +95,7 @@ def report_inputs(
             versions={name: version(name) for name in _PACKAGES},
         ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
-        knowledge=load_knowledge(outcome_files(folder.model)),
+        knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
         driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
         recorded=recorded_times(

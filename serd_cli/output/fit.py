@@ -35,6 +35,8 @@ def fit_progress() -> Iterator[ProgressCallback]:
 def print_learned(learned: Learned) -> None:
     """The fit as tables, what it was made of, and what the data leave open."""
     files, outcome, certainty = learned.files, learned.outcome, learned.certainty
+    if learned.missing:
+        progress_console.print(learned.missing, soft_wrap=True)
     console.print(_learned_from(files), soft_wrap=True)
     table = table_of("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(outcome.fit.feature_names):

@@ -8,7 +8,7 @@ Columns without a name are called by their number. Public layouts state more tha
 | --- | --- | --- |
 | ETH/UCY | 4 numbers: frame, id, x, y; frames in steps of 10 | 25 frames per second, m |
 | Jülich archive | a comment `framerate: 25`, or 5 numbers: id, frame, x, y, z | rate, cm |
-| TUM | timestamp tx ty tz qx qy qz qw | s, m |
+| TUM | timestamp tx ty tz qx qy qz qw, or 8 numbers with a unit quaternion | s, m |
 | NavWareSet | timestamp, robot_x, robot_y, and x, y, column or x1, y1, x2, ... | ns, m |
 | rostopic echo -p | %time, field.... | ns, m |
 """
@@ -32,10 +32,12 @@ if TYPE_CHECKING:
 _COMMENT = "#"
 _ETH, _ETH_STEP = ("frame", "id", "x", "y"), 10
 _JUELICH = ("id", "frame", "x", "y", "z")
+_TUM = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
+_IN_SI = {"time_unit": "s", "unit": "m"}
 _IN_NS = {"time_unit": "ns", "unit": "m"}
 #: What tables with these columns state.
 _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
-    (("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw"), {"time_unit": "s", "unit": "m"}),
+    (_TUM, _IN_SI),
     (("%time",), _IN_NS),
 )
 #: Columns of the robot of NavWareSet, beside x, y of people by column, or x1, y1, x2, y2, ...
@@ -181,6 +183,10 @@ def _of_numbers(cells: Cells, comments: Sequence[str]) -> Cells:
         unit = "m" if any(map(_IN_M.search, comments)) else "cm"
         names = (*_JUELICH[:count], *cells.names[len(_JUELICH) :])
         return replace(cells, names=names, stated={"fps": rate, "unit": unit})
+    if count == len(_TUM):
+        turns = np.stack([numeric(cells.frame.iloc[:, at]) for at in range(4, count)], axis=1)
+        if np.mean(np.abs(np.linalg.norm(turns, axis=1) - 1.0) < 0.02) > 0.9:
+            return replace(cells, names=_TUM, stated=_IN_SI)
     if count == len(_ETH) and has_ids:
         frames = np.unique(numbers[np.isfinite(numbers[:, 0]), 0])
         if (np.diff(frames) % _ETH_STEP == 0).all():

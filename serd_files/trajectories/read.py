@@ -14,8 +14,15 @@ import numpy as np
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
 from serd_files.trajectories.cells import Cells, read_cells
-from serd_files.trajectories.columns import Columns, TableColumns, columns_of, mapping_of, role_of
-from serd_files.trajectories.rows import Rows, on_one_clock, rows_of
+from serd_files.trajectories.columns import (
+    Columns,
+    Rows,
+    TableColumns,
+    columns_of,
+    mapping_of,
+    role_of,
+    rows_of,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +43,8 @@ _FEW_ROWS = 3
 #: Share of steps of a table without ids that lead away and back above which it has several agents:
 #: more than so many distances to the nearest of the next rows. At most so many rows are tested.
 _MANY_AWAY, _FAR, _LEAST_ROWS_ON, _MOST_ROWS = 0.2, 5.0, 8, 20_000
+#: Pause put between episodes whose times overlap, so that agents of one are not seen in another.
+_APART_S = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +81,7 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     columns = columns_of(str(path), cells, wanted)
     rows = rows_of(str(path), cells, columns, wanted)
     points, contradictions = _first_of_each_time(path, rows, _candidates(cells, columns))
-    points, own_clocks = on_one_clock(points)
+    points, own_clocks = _on_one_clock(points)
     assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
     points, strays, n_strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
@@ -170,6 +179,18 @@ def _share_away(points: "pd.DataFrame") -> float:
     changes = np.abs(np.diff(place_m, axis=0))
     smallest = changes[changes > 0].min(initial=np.inf)
     return float(np.mean(step > _FAR * np.maximum(back, max(np.median(back), smallest))))
+
+
+def _on_one_clock(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the points without overlaps of episodes, and a sentence where there were some."""
+    spans = points.groupby("episode").time_s.agg(["min", "max"])
+    ordered = spans.sort_values("min", kind="stable").to_numpy()
+    if (ordered[1:, 0] > ordered[:-1, 1]).all():
+        return points, ()
+    lengths_s = spans["max"] - spans["min"] + _APART_S
+    shift_s = spans["min"].iloc[0] - spans["min"] + lengths_s.cumsum().shift(fill_value=0.0)
+    sentence = f"times of {len(spans)} episodes overlap, so each has a clock of its own"
+    return points.assign(time_s=points.time_s + points.episode.map(shift_s)), (sentence,)
 
 
 def _of_speed(path: Path, rows: Rows, points: "pd.DataFrame") -> list[str]:

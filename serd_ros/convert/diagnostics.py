@@ -56,7 +56,10 @@ def from_world_report(message: DiagnosticArray) -> tuple[int, dict[str, str]] | 
 
 
 def from_learner_report(message: DiagnosticArray) -> tuple[float, float] | None:
-    """Where (m) the next demonstration teaches most; None when the array does not have it."""
+    """Where (m) the next demonstration teaches most; None when the array does not have it.
+
+    MessageError where it is no finite place.
+    """
     values = values_of(message, "learner")
     if values is None or "next_x_m" not in values:
         return None

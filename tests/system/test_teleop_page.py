@@ -11,6 +11,7 @@ from itertools import cycle
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from selenium.webdriver.common.action_chains import ActionChains
@@ -20,6 +21,7 @@ from selenium.webdriver.common.keys import Keys
 from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.drives.sessions import read_drives
 from serd_core.grid.grid import Action
+from serd_ros.convert.diagnostics import to_diagnostics
 from serd_ros.convert.motion import from_odometry, from_pose
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
@@ -252,6 +254,7 @@ def test_a_person_drives_on_the_page_stops_the_robot_in_every_way_and_records(
     page.wait(lambda: page.part("recording").is_displayed())
     page.part("discard").click()
     page.wait(lambda: page.text("discarded") == "1")
+    show_where_a_demonstration_teaches_most(page, probe)
     assert page.faults() == []
 
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C in a terminal
@@ -287,6 +290,19 @@ def drive_to_the_goal(page, robot):
     release()
     robot.hold(Keys.ARROW_RIGHT, until=lambda: "arrived" in page.text("phase"))()
     page.wait(lambda: page.text("arrived") == "1")
+
+
+def show_where_a_demonstration_teaches_most(page, probe):
+    assert not page.part("teaches").is_displayed()
+    learner = probe.node.create_publisher(DiagnosticArray, "diagnostics", qos.STATE)
+    probe.spin_until(learner.get_subscription_count)
+
+    def shown():
+        values = {"converged": True, "next_x_m": 1.5, "next_y_m": 3.5}
+        learner.publish(to_diagnostics("learner", 0.0, values))
+        return page.part("teaches").is_displayed()
+
+    page.wait(shown)
 
 
 def check_recording(bag, place, n_decisions):

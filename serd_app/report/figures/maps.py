@@ -1,4 +1,4 @@
-"""Maps of values per cell: visitation (Fig. 5.7), policy (5.11), flow; the plan of a scenario."""
+"""Maps of values per cell: visitation (Fig. 5.7), policy (5.11), flow, gain; plans of scenarios."""
 
 from collections.abc import Sequence
 
@@ -57,6 +57,18 @@ def draw_visitation(
         colour_bar_below(figure, axes, cells, "decisions taken in the cell")
         n_tracks = f", {counted(len(tracks_m), 'track')}" if len(tracks_m) else ""
         axes.set_title(f"{int(decisions_per_state.sum())} decisions{n_tracks}")
+    return figure
+
+
+def draw_gain(scenario: Scenario | None, grid: Grid, gain_nats: FloatArray) -> Figure:
+    """What a demonstration from each cell (S,) is expected to add, the best start marked."""
+    with style.report_style():
+        norm = Normalize(0, max(gain_nats.max(), 1e-9))
+        figure, axes, cells = cell_map(grid, scenario, gain_nats, norm, style.VISITS_MAP)
+        star: Look = {"markeredgecolor": "white", "markersize": 13, "zorder": 5}
+        axes.plot(*grid.centers_m[int(gain_nats.argmax())], "*", color=style.BLUE, **star)
+        colour_bar_below(figure, axes, cells, "expected information in nats")
+        axes.set_title("a demonstration from the star teaches most", loc="left")
     return figure
 
 

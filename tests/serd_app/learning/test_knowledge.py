@@ -13,14 +13,16 @@ from serd_app.learning.knowledge import (
     posterior_of,
 )
 from serd_app.learning.outcome import outcome_files, save_outcome
-from serd_app.learning.recipe import learn
+from serd_app.learning.recipe import learn, task_in
 from serd_app.learning.settings import LearningSettings
 from serd_core.bayes.laplace import N_DRAWS
+from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, MODEL_NAMES, WAITING, WITH_FLOW
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import GaussianPrior
+from serd_sim.scenario.scenario import load_scenario
 from tests.support.timed_hallway import MEAN_S, TASK, timed_decisions
 
 PROBLEM = TASK.problem
@@ -61,6 +63,8 @@ def test_every_law_has_its_intervals_its_sources_and_what_it_is_confounded_with(
     assert [row.model for row in rows] == list(MODEL_NAMES[:WAITING])
     for row in rows:
         assert 0 < row.lower_s < row.median_s < row.upper_s
+        assert row.lower_s < row.over_forward_lower_s < row.over_forward_upper_s
+        assert row.over_forward_median_s > row.median_s
         assert row.confounded_with in PROBLEM.feature_names
         assert -1 <= row.correlation <= 1
     seen, against = rows[WITH_FLOW], rows[AGAINST_FLOW]
@@ -74,26 +78,37 @@ def test_every_law_has_its_intervals_its_sources_and_what_it_is_confounded_with(
     assert seen.dwell_times == np.count_nonzero(informing)
 
 
-def test_a_line_per_model_per_law_and_one_of_what_is_confounded(outcome):
+def test_a_line_per_model_per_law_one_of_what_is_confounded_and_one_of_the_next_start(outcome):
     lines, rows = list(knowledge_lines(outcome.knowledge, PROBLEM)), outcome.knowledge.durations
     names = [name.replace("_", " ") for name in MODEL_NAMES]
     times = [f"{name}, time of a move" for name in names[:WAITING]]
-    assert [line.split(":")[0] for line in lines] == [*names, *times, "most confounded"]
-    assert all(" nats, choices: " in line for line in lines[:-1])
-    for line, row in zip(lines[len(names) : -1], rows, strict=True):
+    assert [line.split(":")[0] for line in lines[:-1]] == [*names, *times, "most confounded"]
+    assert all(" nats, choices: " in line for line in lines[:-2])
+    for line, row in zip(lines[len(names) : -2], rows, strict=True):
         assert f"mean {row.median_s:.2f} s ({row.lower_s:.2f} to {row.upper_s:.2f})" in line
     most = max(rows, key=lambda row: abs(row.correlation))
-    assert lines[-1].startswith("most confounded: how long a move ")
-    assert lines[-1].endswith(f"correlation {most.correlation:+.2f}")
+    assert lines[-2].startswith("most confounded: how long a move ")
+    assert lines[-2].endswith(f"correlation {most.correlation:+.2f}")
+    best, gain = outcome.knowledge.next_start, outcome.knowledge.gain_nats
+    assert lines[-1].startswith(f"a demonstration from {best.x_m:g},{best.y_m:g} is expected")
+    assert gain.shape == (PROBLEM.grid.n_states,)
+    np.testing.assert_array_equal(gain[PROBLEM.goal_states], 0.0)
+    assert best.gain_nats == gain.max() > 0
 
 
-def test_it_is_read_back_as_written_and_removed_with_a_later_fit(outcome, tmp_path):
+def test_it_is_read_back_as_written_for_its_grid_alone_and_removed_with_a_later_fit(
+    outcome, tmp_path
+):
     output, files = tmp_path / "model.yaml", outcome_files(tmp_path / "model.yaml")
     save_outcome(output, outcome, PROBLEM.grid)
-    assert load_knowledge(files) == outcome.knowledge
+    assert load_knowledge(files, PROBLEM.grid) == outcome.knowledge
+    other = task_in(load_scenario("crossing"), 0.99).problem.grid
+    with pytest.raises(SerdError, match=r"must have a row for each of \d+ cells, got \d+; learn"):
+        load_knowledge(files, other)
     save_outcome(output, replace(outcome, knowledge=None), PROBLEM.grid)
-    assert load_knowledge(files) is None
+    assert load_knowledge(files, PROBLEM.grid) is None
     assert not files["durations"].exists()
+    assert not files["gain"].exists()
 
 
 def test_the_model_holds_draws_around_the_fit(outcome):

@@ -1,4 +1,4 @@
-"""The summary of every outcome predicts only what is supported."""
+"""The headline and the summary of every outcome predict only what is supported."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from serd_app.navigation.comparison import RecordedTimes
 from serd_app.report.figures.arrival import draw_forecasts
 from serd_app.report.inputs import Forecast
-from serd_app.report.summary import summary_of
+from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows
 from serd_core.arrival.arriving_policy import arriving_policy
 from serd_core.policies.solved_policy import optimal_policy
@@ -41,25 +41,38 @@ def trapped(inputs):
 
 
 @pytest.mark.parametrize(
-    ("changes", "reason", "known"),
+    ("changes", "reason", "begins", "known"),
     [
         (
             {"n_demonstrations": 1, "recorded": recorded(41.0)},
             "a prediction takes at least 3 demonstrations, and the model was learned from 1",
+            "After 1 demonstration with 59 decisions, which arrived after 41 s, the arrival",
             "1 of them, after 41 s",
+        ),
+        (
+            {"n_demonstrations": 2, "recorded": None},
+            "a prediction takes at least 3 demonstrations, and the model was learned from 2",
+            "After 2 demonstrations with 59 decisions the arrival",
+            None,
         ),
         (
             {"recorded": recorded(90.0, 100.0, 110.0, n_outside=3)},
             "3 of 3 recorded drives arrived outside the 90 % band that the model computes",
+            "After 6 demonstrations with 59 decisions, of which 3 arrived after 90 s to 110 s, the",
             "3 of them, after 90 s to 110 s",
         ),
     ],
 )
-def test_what_does_not_support_a_prediction_stands_in_its_place(undriven, changes, reason, known):
+def test_what_does_not_support_a_prediction_stands_in_its_place(
+    undriven, changes, reason, begins, known
+):
     summary = summary_of(replace(undriven, **changes))
+    headline = headline_of(summary)
+    assert headline.startswith(begins)
+    assert headline.endswith(f"of the robot is not predicted, because {reason}.")
     rows = dict(summary_rows(summary))
     assert rows["Predicted arrival"] == f"none, because {reason}"
-    assert rows["Recorded arrivals"] == known
+    assert rows.get("Recorded arrivals") == known
     assert "Arrives" not in rows
     assert summary["no_prediction_because"] == (reason,)
 
@@ -69,6 +82,7 @@ def test_a_supported_prediction_is_stated_and_one_from_a_trap_is_not(undriven):
     summary = summary_of(given)
     assert summary["no_prediction_because"] == ()
     assert dict(summary_rows(summary))["Arrives"].startswith("predicted")
+    assert "the robot is predicted to reach the goal within 2 min with" in headline_of(summary)
     summary = summary_of(trapped(undriven))
     assert summary["n_least_time_states"] > 10
     assert summary["n_trap_states"] == 0
@@ -76,16 +90,20 @@ def test_a_supported_prediction_is_stated_and_one_from_a_trap_is_not(undriven):
     assert (
         reason == "the learned policy does not arrive from 2 of the 2 cells in which drives begin"
     )
+    assert headline_of(summary).endswith(f"is not predicted, because {reason}.")
     assert dict(summary_rows(summary))["Plan"] == "A remark."
 
 
 def test_measured_drives_stand_beside_a_prediction_they_support_only(inputs):
     assert "; predicted" in dict(summary_rows(summary_of(inputs)))["Arrived"]
+    assert "75 %; predicted" in headline_of(summary_of(inputs))
     missed = tuple(episode_result(number, "timeout") for number in range(3))
     summary = summary_of(replace(inputs, episodes=missed))
-    rows = dict(summary_rows(summary))
+    rows, headline = dict(summary_rows(summary)), headline_of(summary)
+    assert "in 0 of 3 new episodes within 2 min (0 %; no prediction, because " in headline
+    assert headline.endswith("fewer than half of them in time.")
     assert "3 of 3 measured drives arrived outside the 90 % band" in rows["Predicted arrival"]
-    assert "; predicted" not in " ".join(rows.values())
+    assert "; predicted" not in headline + " ".join(rows.values())
     assert summary["measured_mean_s"] is None
     assert "more than half never arrived" in rows["Median time of arrival"]
 

@@ -14,7 +14,7 @@ from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report
 from serd_core.learners.serd import fit_mdce_serd
 
-FIGURES = {"visitation", "policy", "arrival", "forecast"}
+FIGURES = {"visitation", "policy", "arrival", "forecast", "outcomes"}
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
@@ -75,6 +75,7 @@ def test_the_page_shows_every_figure_with_its_caption_and_both_files(folder, tex
         assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert b"<svg" in (folder / "figures" / f"{name}.svg").read_bytes()
     assert "Forecast of the arrival" in page.text
+    assert "After 6 demonstrations the robot reached the goal in 3 of 4 new episodes" in page.text
     assert "no prediction" not in page.text
     for address in page.addresses:
         if not address.startswith("data:") and address != "model.yaml":
@@ -139,3 +140,6 @@ def test_a_fit_with_a_posterior_shows_what_it_knows(known, tmp_path):
     for law in known.knowledge.durations:
         assert f"{law.median_s:.2f} ({law.lower_s:.2f} to {law.upper_s:.2f})" in page.text
         assert f"{law.correlation:+.2f}" in page.text
+        ends = law.over_forward_median_s, law.over_forward_lower_s, law.over_forward_upper_s
+        assert "{:.3g} ({:.3g} to {:.3g})".format(*ends) in page.text
+    assert (tmp_path / "figures" / "gain.svg").exists()

@@ -102,7 +102,8 @@ def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(b
     values, folder = by_default
     assert (values["scenario"], values["flow"], values["n_episodes"]) == ("hallway", "scenario", 30)
     assert (values["n_looping_cells"], values["n_reaching_cells"]) == (1, 176)
-    for name in ("posterior.csv", "durations.csv"):
+    known = "posterior.csv", "durations.csv", "next_demonstration.csv", "next_demonstration.png"
+    for name in known:
         assert (folder / f"model.{name}").stat().st_size > 100
 
 

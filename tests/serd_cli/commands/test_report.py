@@ -15,7 +15,7 @@ from support.foreign_bags import STEP_S, ForeignBag
 from support.made_once import made_once
 
 SPEED_MPS = 0.4
-FIGURES = {"forecast", "visitation", "policy"}
+FIGURES = {"forecast", "visitation", "policy", "outcomes", "gain"}
 
 
 def laps(n_laps, rng):
@@ -79,6 +79,7 @@ def test_a_bag_of_another_robot_is_a_page_after_three_commands(three_commands):
     assert "report.html" in printed
     assert shown(page) == FIGURES
     text = page.read_text(encoding="utf-8")
+    assert "After 8 demonstrations with" in text
     assert "cells of 0.5 m, patience of 4 s" in text
 
 
@@ -103,6 +104,8 @@ def test_one_demonstration_predicts_nothing_and_its_own_time_is_drawn(learned):
     printed = learned("report", "model.yaml", "--demonstrations", "decisions.csv").out
     assert f"Recorded arrivals: 1 of them, after {time_s:.0f} s" in printed
     assert "Predicted arrival: none, because" in printed
+    assert f", which arrived after {time_s:.0f} s, the arrival of the robot is not" in printed
+    assert "is predicted to reach" not in printed
     page = Path("report/report.html").read_text(encoding="utf-8")
     assert "Black: when the recorded drives arrived" in page
     assert "This is no prediction, because a prediction takes" in page

@@ -30,6 +30,7 @@ export class Panel {
       : episode.phase === "idle" ? "no episode" : [`episode${number}`, what].filter(Boolean).join(" · ");
     const watches = document.body.classList.contains("watching");
     parts.recording.hidden = watches ? recorder?.recording !== "True" : !running;
+    parts.teaches.hidden = !state.next_start || running;
     parts.duration.textContent = episode.duration_s.toFixed(1);
     parts.decisions.textContent = `${episode.decisions} decision${episode.decisions === 1 ? "" : "s"}`;
     parts.speed.textContent = `${Math.abs(world?.robot[3] ?? 0).toFixed(1)} m/s`;

@@ -4,7 +4,7 @@ import { Brush } from "./brush.js";
 
 const NAMES = [
   "floor", "wall", "grid", "goal", "goalLine", "start", "person", "personNose", "robot", "nose", "trail",
-  "seen", "scan", "chosen", "text", "layer", "arrow",
+  "seen", "scan", "chosen", "text", "teaches", "layer", "arrow",
 ];
 let COLOURS = colours();
 
@@ -134,6 +134,7 @@ export class View extends Brush {
     const { world } = state;
     this.drawScan();
     this.drawWaypoint(state);
+    this.drawNextStart(state);
     this.drawTrail();
     for (const person of world.people) this.drawPerson(person);
     this.drawRobot(world.robot);
@@ -162,6 +163,12 @@ export class View extends Brush {
     context.fillStyle = COLOURS.chosen;
     if (cell) context.fillRect(...this.square(cell, this.scene.cell_size_m));
     this.ring(waypoint, 0.17, COLOURS.robot, 3);
+  }
+
+  drawNextStart({ next_start: place, episode }) {
+    if (!place || episode.phase === "running") return;
+    this.ring(place, 0.36, COLOURS.teaches, 3);
+    this.disc(place, 0.13, COLOURS.teaches);
   }
 
   drawTrail() {

@@ -45,6 +45,7 @@ STATE = {
     "mux": {"e_stop": "False", "active": "keys"},
     "guard": {"action": "DO_NOTHING", "overridden": "False"},
     "recorder": {"recording": "True", "messages": "1200", "free_mb": "70000"},
+    "next_start": None,
     "there": True,
     "mode": "directions",
     "choice": "north",
