@@ -34,7 +34,7 @@ JOURNEY = {
     "serd_app.navigation.navigator": "waypoint",
     "serd_sim.planning.local_planner": "velocity",
     "serd_sim.world.world": "pose, time of arrival",
-    "serd_app.navigation.evaluation.comparison": "predicted beside measured",
+    "serd_app.navigation.comparison": "predicted beside measured",
 }
 _LOOK = """
   graph [bgcolor="transparent", fontname="DejaVu Sans", pad=0.25, nodesep=0.2, ranksep=0.4];

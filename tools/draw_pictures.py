@@ -116,7 +116,7 @@ def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None
         state = {
             "type": "state", "is_stale": False, "next_start": None, **more,
             "choice": action.name.lower(),
-            "waypoint": shown.point(waypoint_of_intent(GRID, observation, action)),
+            "waypoint": shown.point(waypoint_of_intent(HALLWAY.cells, observation, action)),
             "episode": {
                 "phase": "running", "outcome": "", "other_driver": "", **counts,
                 "duration_s": round(passed_s, 1), "decisions": len(entered),

@@ -165,7 +165,7 @@ def test_places_are_not_taken_where_they_do_not_differ_or_are_not_known(decision
 def test_parameters_and_draws_come_back_from_the_model_file(decisions, tmp_path):
     """A strategy plans with what the fit learned."""
     few = decisions.select_episodes(decisions.episodes[:4])
-    found, path = learned(few, "mdce_serd_belief_evidence"), tmp_path / "model.yaml"
+    found, path = learned(few, "mdce_serd_evidence"), tmp_path / "model.yaml"
     save_yaml_model(path, found.model)
     file = load_model(path)
     assert file == found.model
