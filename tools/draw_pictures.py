@@ -96,7 +96,7 @@ def draw_watch_page(path: Path) -> None:
     """The page that watches, with the policy of the demo's model."""
     overlay = shown.overlay_of(load_strategy(str(MODEL), HALLWAY, "optimal"))
     nobody = {**dict.fromkeys(("mux", "guard", "recorder")), "there": False, "mode": ""}
-    _draw_page(path, shown.watched_scene_of(HALLWAY, GRID), nobody, shown.overlay_message(overlay))
+    _draw_page(path, shown.watched_scene_of(HALLWAY, GRID), nobody, overlay)
 
 
 def _draw_page(path: Path, scene: Message, more: Message, layers: Message | None = None) -> None:
