@@ -1,6 +1,7 @@
 """Notebooks of the tutorials show what they print; pictures are compared by their description.
 
-If one fails: `python -m nbconvert --to notebook --execute --inplace docs/tutorials/NAME.ipynb`.
+If one fails: `python -m nbconvert --to notebook --execute --inplace
+--ExecutePreprocessor.record_timing=False docs/tutorials/NAME.ipynb`.
 """
 
 import json
