@@ -152,7 +152,7 @@ def test_a_demo_ends_with_its_report_and_leaves_no_process(tmp_path):
     (row,) = load_episodes(run / "navigation/episodes.csv")
     assert row.outcome == "arrived"
     page = (run / "report.html").read_text()
-    assert len(re.findall(r"<figure", page)) >= 6
+    assert len(re.findall(r"<figure", page)) == 5
     for name in ("bag/metadata.yaml", "model.yaml", "decisions.csv", "demo.yaml"):
         assert (run / name).is_file(), name
     assert json.loads((run / "foxglove.json").read_text())["configById"]

@@ -248,7 +248,7 @@ def table_without_source(path: Path) -> list[str]:
 
 def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, bag, tmp_path):
     """The learner ends by itself, with a model of all of them."""
-    save_decisions(tmp_path / "offline.csv", demonstrations(bag).decisions)
+    save_decisions(tmp_path / "offline.csv", demonstrations(bag))
     received, model = tmp_path / "received.csv", tmp_path / "model.yaml"
     learner = nodes.start_stack(
         "replay_and_learn",
@@ -269,7 +269,7 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
 def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(
     nodes, probe, bag, tmp_path
 ):
-    decisions, models = demonstrations(bag).decisions, []
+    decisions, models = demonstrations(bag), []
     probe.node.create_subscription(String, "model", models.append, qos.LATCHED)
     folder = CheckpointFolder(tmp_path / "kept", HALLWAY)
     folder.save_decisions(decisions)

@@ -204,7 +204,7 @@ def test_the_defaults_of_every_node_are_valid(node):
             {"command_timeout_s": 0.8},
             "command_timeout_s must be less than or equal to 0.5, got 0.8",
         ),
-        ({"gui": "yes"}, "gui must be a boolean, got 'yes'"),
+        ({"lockstep": "yes"}, "lockstep must be a boolean, got 'yes'"),
         ({"lockstep_timeout_s": float("nan")}, "lockstep_timeout_s must be a finite number"),
     ],
 )
