@@ -29,7 +29,7 @@ COMMANDS = {
     "demos": "Turn recordings into the table of decisions to learn from.",
     "learn": "Learn rewards and dynamics from a table of decisions.",
     "navigate": "Drive by a learned model; compare predicted and measured arrival.",
-    "report": "Write the page of a learned model, and score trajectories by it.",
+    "report": "Write the page of a learned model, with its forecast and policy.",
     "scenario": "List, draw and film scenarios, and write your own.",
     "batch": "Run every combination of scenarios, policies and seeds.",
     "launch": "Start a stack of nodes.",

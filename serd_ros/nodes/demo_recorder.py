@@ -35,7 +35,6 @@ _POLL_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 1.0
 #: At its end it takes messages until no more come, at most for the product of these.
 _LAST_LOOKS, _LOOK_AGAIN_S = 20, 0.05
-_RECORDER = RecorderSettings()
 _RECORDED = (
     topics.CLOCK, topics.ODOM, topics.ROBOT_POSE, topics.SCAN, topics.PEDESTRIANS, topics.MAP,
     topics.CMD_VEL, topics.INTENT, topics.WAYPOINT, topics.EPISODE,

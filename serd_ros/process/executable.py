@@ -39,9 +39,22 @@ def main() -> NoReturn:
     run(Path(sys.argv[0]).stem)
 
 
+def _open_closed_outputs() -> None:
+    """Make a closed stdout or stderr /dev/null: libraries write to them, pybullet as it loads."""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, number)  # which may be the same, the lowest one that is free
+            if null != number:
+                os.close(null)
+            os.set_inheritable(number, True)
+            setattr(sys, name, os.fdopen(number, "w"))
+
+
 def run(executable: str) -> NoReturn:
     """Import the node, run it, end with its exit code; finalisation would compute for 0.25 s."""
     with starting():
+        _open_closed_outputs()
         from serd_ros.graph.graph import class_of, load_graph
         from serd_ros.process.run_node import run_node
 
