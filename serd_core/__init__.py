@@ -14,7 +14,7 @@ from typing import Any
 
 __version__ = "0.3.0"
 
-#: Names of version 0.2.0 that left; CHANGELOG.md has what to use. Version 0.4.0 forgets them.
+#: Names of version 0.3.0 that left; CHANGELOG.md has what to use. Version 0.4.0 forgets them.
 _LEFT = """
 Automatic BandedLu BeliefAroundTruth CovariateModels DwellTimes EntropyPrior GradientAscent Krylov
 Newton NormPrior SparseLu SparseModel ValueIteration adjusted_rand_index arrival_time_distribution
@@ -37,7 +37,7 @@ def _homes() -> dict[str, str]:
 def __getattr__(name: str) -> Any:
     home = None if name.startswith("_") else _homes().get(name)
     if home is None:
-        went = "; it left in version 0.3.0 (CHANGELOG.md)" if name in _LEFT.split() else ""
+        went = "; it left after version 0.3.0 (CHANGELOG.md)" if name in _LEFT.split() else ""
         raise AttributeError(f"module 'serd_core' has no attribute {name!r}{went}")
     found = getattr(importlib.import_module(home), name)
     globals()[name] = found

@@ -18,6 +18,15 @@ _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
 _REPLAY = "a replay starts with the nodes of --wait-for and does not pause"
 
+_GUARD: tuple[tuple[Kind, str], ...] = (
+    ("parameter", "clock_jump"),
+    ("parameter", "vanished_hold"),
+    ("parameter", "frozen_messages"),
+    ("parameter", "unseen_people"),
+    ("parameter", "people_look"),
+    ("parameter", "consistency_window"),
+    ("parameter", "second_look"),
+)
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "episode"): "serd scenario film drives one episode and draws it",
     ("option", "--period-s"): f"{_EVENTS}; leave it out",
@@ -34,30 +43,39 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--frames-per-s"): "a movie has 10 frames per second; leave it out",
     ("option", "--pixels-per-m"): "a view from above has 24 pixels per metre; leave it out",
     ("option", "--inverse-temperature"): "serd_core.fit_policy_matching has it",
+    ("option", "--backend"): "batches run on the processes of this machine; leave it out",
+    ("option", "--planner"): "there is one local planner; leave it out",
+    ("command", "compare"): "scores of recordings by a model have left",
+    ("command", "schema"): "docs/scenarios.md lists all keys of scenarios",
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
     ("parameter", "keys"): f"{_REPLAY}; leave it out",
     ("parameter", "paused"): f"{_REPLAY}; leave it out",
-    ("parameter", "wait_s"): f"{_REPLAY}; leave it out",
     ("parameter", "clock_hz"): "a replay plays the /clock that was recorded; leave it out",
     ("parameter", "exit_when_done"): "learner with a bag ends when it is done; leave it out",
     ("parameter", "actions"): "'serd demos --actions hidden' makes decisions of poses alone",
     ("parameter", "behavior_tree"): "Nav2 has its default behavior tree in its own parameters",
     ("parameter", "maximum_file_mb"): "a bag is one file; leave it out",
     ("parameter", "compression"): "'serd bag convert BAG --compression zstd' compresses a bag",
+    ("parameter", "planner"): "there is one local planner; leave it out",
+    ("parameter", "gui"): "'serd watch' shows the world on a web page; leave it out",
+    **dict.fromkeys(_GUARD, "the guard has its default; leave it out"),
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
     ),
     ("key", "period_s"): f"{_EVENTS}; delete the key",
     ("key", "lookahead_cells"): f"{_WAYPOINT}; delete the key",
     ("key", "patience_periods"): "it is called patience_decisions",
+    ("key", "flow_convention"): "loops are walked in the order of their waypoints; delete the key",
+    ("key", "friction"): "wheels have one friction; delete the key",
+    ("key", "wheel_separation_m"): "it is that of the wheels of the URDF; delete the key",
     ("key", "use_stamped"): "each topic has its own key stamped; delete the key",
     ("key", "button_topic"): "goal_area_m and stop_s cut episodes; delete the key",
     ("key", "button_field"): "goal_area_m and stop_s cut episodes; delete the key",
     ("key", "goals_m"): "goal_area_m has the corners of the area in which an episode ends",
     ("key", "goal_radius_m"): "goal_area_m has the corners of the area in which an episode ends",
     ("key", "waypoint_reached_m"): "actions are no longer read from waypoints; delete the key",
-    ("key", "people"): "one table holds robot and people, by ids; put their rows into it",
+    ("key", "people"): ("scenarios have pedestrians; one table holds robot and people, by ids"),
     ("key", "experts"): "the robot of a bag demonstrates; people demonstrate in a table",
 }
 

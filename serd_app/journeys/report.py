@@ -110,6 +110,11 @@ def _recorded(sources: ReportSources, strategy: Strategy) -> dict[str, Any]:
     table, file = sources.demonstrations, strategy.file
     if table is None:
         return {"demonstrations": decisions_of({}, "")}
+    if table.is_dir():
+        raise ReportError(
+            f"--demonstrations must be a table of decisions, got the folder {table};"
+            " 'serd demos' makes one of a recording"
+        )
     scenario = sources.scenario if file.scenario else ""
     files = read_learning_files(
         table, discount=file.discount, scenario=scenario, goals_m=tuple(file.goals_m)

@@ -177,7 +177,7 @@ class Navigator:
     """
 
     def __init__(self, scenario: Scenario, settings: NavigationSettings) -> None:
-        self._settings, self._own_scenario = settings, scenario
+        self._settings = settings
         self.name, self.model = "strategy", settings.model
         self._monitor = ProgressMonitor(settings)
         self.strategy = self._solved(settings.model, with_goal(scenario, settings.goal))
@@ -227,10 +227,6 @@ class Navigator:
     def set_goal(self, x_m: float, y_m: float) -> None:
         """Plan for the cell at a point; SimError where there is none."""
         self._plan_for(goal_at(self.strategy.scenario, x_m, y_m))
-
-    def set_goal_text(self, text: str) -> None:
-        """Plan for "x, y" (m), or for the scenario's own goal area when empty."""
-        self._plan_for(with_goal(self._own_scenario, text))
 
     def set_model(self, path: str) -> None:
         """Plan by another model file, or by the same one read again; FileError if unusable."""

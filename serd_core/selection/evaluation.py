@@ -11,7 +11,6 @@ and where the action is hidden the same over the states reached, by their sums o
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,21 +18,17 @@ from scipy.special import logsumexp
 
 from serd_core.arrays import (
     FloatArray,
-    IntArray,
     first_index,
     float_array,
     number_array,
     require_index,
-    weighted_counts,
 )
 from serd_core.demonstrations.decisions import (
     Decisions,
     require_decisions,
     require_shown,
-    rows_by_trajectory,
 )
 from serd_core.demonstrations.observations import explaining_transitions, observe_in
-from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
@@ -161,114 +156,3 @@ def split_episodes(
         decisions.select_episodes(shuffled[n_validation:]),
         decisions.select_episodes(shuffled[:n_validation]),
     )
-
-
-#: Likelihoods that differ by less, relative to their size, count as equal.
-_TIE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class EpisodeScores:
-    """episode, n_decisions: (E,); log_likelihood: (E,) mean per decision; rank: (E,) from 0 to 1.
-
-    expected: (E,) mean of the simulated scores.
-    """
-
-    episode: IntArray
-    n_decisions: IntArray
-    log_likelihood: FloatArray
-    expected: FloatArray
-    rank: FloatArray
-
-
-def tail_probabilities(
-    problem: Problem, decisions: Decisions, policy: FloatArray, outcome_probabilities: FloatArray
-) -> FloatArray:
-    """(N,) tail probability of each decision; 0 of those that the model rules out."""
-    likelihood = np.exp(move_log_likelihood(problem, decisions, policy, outcome_probabilities))
-    mdp = problem.mdp
-    groups, chosen = mdp.transitions.groups, checked_policy("policy", policy, mdp)
-    table = np.asarray(outcome_probabilities, np.float64)
-    joint = chosen.ravel()[groups.row] * groups.probabilities(
-        transitions_of(mdp.transitions, table).entries
-    )
-    state = groups.row // mdp.n_actions
-    move, place = np.unique(state * mdp.n_states + groups.successor, return_inverse=True)
-    by_move = weighted_counts(place.reshape(-1), joint, len(move))
-    tails = np.zeros(len(decisions))
-    for hidden, of, values in ((False, state, joint), (True, move // mdp.n_states, by_move)):
-        first = np.searchsorted(of, np.arange(mdp.n_states + 1))  # sorted by state
-        for row in np.flatnonzero(decisions.hidden == hidden):
-            here = decisions.state[row]
-            there = values[first[here] : first[here + 1]]
-            tails[row] = there[there <= likelihood[row] * (1.0 + _TIE)].sum()
-    return np.minimum(tails, 1.0)
-
-
-def episode_scores(
-    problem: Problem,
-    decisions: Decisions,
-    policy: FloatArray,
-    outcome_probabilities: FloatArray,
-    *,
-    n_simulated: int = 200,
-    rng: np.random.Generator,
-) -> EpisodeScores:
-    """Score and rank of every episode; simulated ones hide the actions where the episode does."""
-    if n_simulated < 1:
-        raise SerdError(f"n_simulated must be at least 1, got {n_simulated}; use 200")
-    rows, _ = rows_by_trajectory(decisions)
-    ordered = decisions.select(rows)
-    likelihood = move_log_likelihood(problem, ordered, policy, outcome_probabilities)
-    episodes, first, lengths = np.unique(ordered.episode, return_index=True, return_counts=True)
-    score = np.add.reduceat(likelihood, first) / lengths
-    expected, rank = np.empty(len(episodes)), np.empty(len(episodes))
-    hidden, start = ordered.hidden[first], ordered.state[first]
-    mixed = first_index(np.add.reduceat(ordered.hidden, first, dtype=int) != hidden * lengths)
-    if mixed is not None:
-        raise SerdError(
-            "decisions of an episode must all show or all hide their actions, got both in episode"
-            f" {episodes[mixed]}; hide all with with_hidden_actions"
-        )
-    if (final := first_index(problem.mdp.final[start])) is not None:
-        raise SerdError(
-            "episodes must not start in a final state, in which there is no choice, got episode"
-            f" {episodes[final]} in state {start[final]}; drop it"
-        )
-    for state, hides in np.unique(np.stack([start, hidden], axis=1), axis=0).tolist():
-        mine = np.flatnonzero((start == state) & (hidden == hides))
-        sampled = sample_decisions(
-            problem.mdp,
-            policy,
-            outcome_probabilities,
-            np.eye(problem.mdp.n_states)[state],
-            n_episodes=n_simulated,
-            n_steps=int(lengths[mine].max()),
-            rng=rng,
-        )
-        if hides:
-            sampled = sampled.with_hidden_actions()
-        of_samples = move_log_likelihood(problem, sampled, policy, outcome_probabilities)
-        table = _cumulative(sampled, of_samples, n_simulated)
-        for episode in mine:
-            simulated = table[:, min(lengths[episode], table.shape[1]) - 1]
-            expected[episode] = simulated.mean()
-            rank[episode] = _rank(score[episode], simulated, rng)
-    return EpisodeScores(episodes, lengths, score, expected, rank)
-
-
-def _cumulative(sampled: Decisions, likelihood: FloatArray, n_simulated: int) -> FloatArray:
-    """(n, T) mean log-likelihood of each simulated episode's decisions up to each step."""
-    step = sampled.time_s.astype(np.int64)
-    totals, counts = np.zeros((2, n_simulated, int(step.max()) + 1))
-    totals[sampled.episode, step] = likelihood
-    counts[sampled.episode, step] = 1.0
-    return np.asarray(totals.cumsum(axis=1) / counts.cumsum(axis=1))
-
-
-def _rank(score: float, simulated: FloatArray, rng: np.random.Generator) -> float:
-    """Place among the simulated scores and itself, ties at random."""
-    near = _TIE * max(1.0, abs(score)) if np.isfinite(score) else 0.0
-    below = int(np.sum(simulated < score - near))
-    equal = int(np.sum(np.abs(simulated - score) <= near))
-    return (below + rng.random() * (equal + 1)) / (len(simulated) + 1)

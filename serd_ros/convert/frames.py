@@ -71,12 +71,6 @@ class Frames(FrameGraph):
                 f"{transform.placed} of {transform.child!r}",
                 "correct what publishes it",
             )
-        if child in self.chain(parent):
-            raise MessageError(
-                "transforms of /tf must form no loop",
-                f"{child!r} in {parent!r}, which is in {child!r}",
-                "end what publishes one of them",
-            )
         stamp_ns = transform.header.stamp_ns
         other = self._parents.get(child, parent)
         if other != parent and not (static and child not in self._stamps_ns):
@@ -88,6 +82,14 @@ class Frames(FrameGraph):
         self._stamps_ns.pop(child, None)
         if not static:
             self._stamps_ns[child] = stamp_ns
+            self._break_loop(child, stamp_ns)
+
+    def _break_loop(self, frame: str, stamp_ns: int) -> None:
+        """Discard transforms that have stopped of a loop that the newest one closes."""
+        for child in self._loop_of(self.chain(frame)):
+            other_ns = self._stamps_ns.get(child, stamp_ns)
+            if abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
+                del self._parents[child], self._stamps_ns[child]
 
     def prefixed(self, message: Message) -> Message:
         """The message to be published, with the prefix before the robot's frames."""
@@ -108,6 +110,7 @@ class Frames(FrameGraph):
     ) -> Placement:
         """The frame in the target; level: whether it must be level there; field: that names it."""
         own, own_target = self.own(frame), self.own(target)
+        self._require_no_loop(own, own_target)
         found = self.between(own, own_target)
         if found is None:
             # The other parent may join them.
@@ -122,11 +125,14 @@ class Frames(FrameGraph):
         self._require_fresh(chain)
         matrix = self.placement(*found, self._matrices.__getitem__)
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
-            points = "down" if matrix[2, 2] < -_LEAST_UPRIGHT else "elsewhere"
+            turned = matrix[2, 2] < -_LEAST_UPRIGHT
             raise MessageError(
                 f"{field} must be of a frame that is level in {target!r}",
-                f"{frame!r}, whose z axis points {points}",
-                "publish in a level frame; a driver can reverse the angles (often 'inverted')",
+                f"{frame!r}, whose z axis points {'down' if turned else 'elsewhere'}",
+                "let the driver reverse the angles (often 'inverted'), and turn the z axis of its"
+                " frame up"
+                if turned
+                else "publish in a level frame",
             )
         stamps_ns = (self._stamps_ns[child] for child in chain if child in self._stamps_ns)
         return Placement(matrix, next(stamps_ns, None))
@@ -165,6 +171,20 @@ class Frames(FrameGraph):
                 f"{self._parents[oldest]!r} to {oldest!r}, {age_s:.1f} s older than others",
                 "look at what publishes it",
             )
+
+    def _require_no_loop(self, *frames: str) -> None:
+        for frame in frames:
+            if loop := self._loop_of(self.chain(frame)):
+                raise MessageError(
+                    "transforms of /tf must form no loop",
+                    " in ".join(map(repr, [*loop, loop[0]])),
+                    "end what publishes one of them",
+                )
+
+    def _loop_of(self, chain: list[str]) -> list[str]:
+        """The frames at the end of a chain that are in each other; empty if there are none."""
+        last = self._parents.get(chain[-1])
+        return [] if last is None else chain[chain.index(last) :]
 
 
 #: Where no transform is known.

@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from serd_ros.endpoints.qos import common_qos, less_demanding
+from serd_ros.endpoints.qos import common_qos, is_latched, less_demanding
 
 if TYPE_CHECKING:
     from serd_ros.process.serd_node import SerdNode
@@ -141,19 +141,23 @@ class Endpoints:
         offered: Sequence[QoSProfile],
         make: Callable[[QoSProfile], Subscription],
         take: Callable[[Any, Mapping[str, int]], None],
-    ) -> Subscription:
-        """The subscription, or one in its place that requests no more than all publishers offer.
+    ) -> list[Subscription]:
+        """The subscription, or what matches all publishers in its place, the one to follow last.
 
-        take: called with each message that waits in it then, and its info.
+        A latched one stays where some publishers are volatile, with a volatile one beside it; any
+        other is replaced. take: called with each message that waits in it then, and its info.
         """
         requested = subscription.qos_profile
         profile = less_demanding(requested, common_qos(offered))
         if not offered or profile is requested:
-            return subscription
+            return [subscription]
+        stays = is_latched(requested) and any(map(is_latched, offered))
+        if stays and not is_latched(profile):
+            return [subscription, make(profile)]
         for message, info in waiting_messages(subscription):
             take(message, info)
         self.destroy(subscription)
-        return make(profile)
+        return [make(profile)]
 
     def follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""
@@ -164,7 +168,7 @@ class Endpoints:
             offered = [each.qos_profile for each in self.node.get_publishers_info_by_topic(topic)]
             takes_info = len(inspect.signature(callback).parameters) == 2
             take = callback if takes_info else lambda message, _, call=callback: call(message)
-            newest = self.matching(subscription, offered, make, take)
+            *_, newest = self.matching(subscription, offered, make, take)
             if newest is not subscription:
                 self._follows.pop(subscription, None)
                 self._follows[newest] = make

@@ -88,9 +88,13 @@ class FollowedTopic:
             latched = [each for each in offered if is_latched(each)]
             self._subscription = self._subscribe(common_qos(latched or offered))
             return True
-        self._subscription = self._endpoints.matching(
+        *latched, self._subscription = self._endpoints.matching(
             self._subscription, offered, self._subscribe, self._take_received
         )
+        for each in latched:  # what it has kept has come
+            for message, info in waiting_messages(each):
+                self._take_received(message, info)
+            self._endpoints.destroy(each)
         return False
 
     @property

@@ -19,6 +19,8 @@ _MARGIN_M = 1e-3
 _POINTS_OF_A_TILE = 200
 #: Sine of a turn below which two edges are one straight wall.
 _SMALLEST_TURN = 1e-9
+#: Shift (m) that puts points of the lower and left edges of an area into it.
+_OUTLINE_M = 1e-9
 
 
 def edges_of(polygon_m: ArrayLike) -> FloatArray:
@@ -48,10 +50,13 @@ def without_straight_corners(polygon_m: FloatArray) -> FloatArray:
 
 
 def contains(polygon_m: ArrayLike, points_m: ArrayLike) -> BoolArray:
-    """(N,) whether each of the (N, 2) points lies inside the polygon."""
+    """(N,) whether each of the (N, 2) points lies inside the polygon.
+
+    Of its outline the lower and the left edges belong to it, so polygons side by side share none.
+    """
     polygon = shapely.Polygon(np.asarray(polygon_m, dtype=np.float64))
     shapely.prepare(polygon)
-    x_m, y_m = np.asarray(points_m, dtype=np.float64).reshape(-1, 2).T
+    x_m, y_m = np.asarray(points_m, dtype=np.float64).reshape(-1, 2).T + _OUTLINE_M
     return np.asarray(shapely.contains_xy(polygon, x_m, y_m), dtype=np.bool_)
 
 

@@ -54,8 +54,6 @@ def test_another_goal_turns_the_robot_round_and_one_in_a_wall_is_refused(navigat
     navigator.set_goal(1.5, 2.5)
     assert decide(navigator, 4.5, 9.5, time_s=2.0) in (Action.WEST, Action.SOUTH)
     assert navigator.way_m(observation_at(4.5, 9.5))[-1].tolist() == [1.5, 2.5]
-    navigator.set_goal_text("")
-    assert decide(navigator, 4.5, 9.5, time_s=4.0) == Action.NORTH
 
 
 def test_another_model_changes_the_policy_and_a_broken_or_equal_one_nothing(

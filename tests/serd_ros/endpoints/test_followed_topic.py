@@ -77,6 +77,23 @@ def test_messages_that_wait_are_taken_before_a_subscription_requests_less(runnin
     running.assert_alive()
 
 
+def durabilities(node):
+    found = [each for each in node.subscriptions if each.topic_name == "/number"]
+    return [each.qos_profile.durability for each in found]
+
+
+def test_a_latched_subscription_stays_beside_one_for_volatile_publishers(running):
+    node = running.node
+    node.endpoints.subscribe(Int32, "number", lambda _: None, qos.LATCHED)
+    for profile in (qos.LATCHED, qos.STATE):
+        node.create_publisher(Int32, "number", profile)
+    wait_until(lambda: node.count_publishers("number") == 2)
+    for _ in range(2):
+        running.call_timers()
+        assert durabilities(node) == [DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE]
+    running.assert_alive()
+
+
 def test_a_followed_topic_receives_what_latched_publishers_kept_and_then_all(running):
     node, taken = running.node, []
     latched = node.create_publisher(Int32, "number", qos.LATCHED)
