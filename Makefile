@@ -11,6 +11,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Where Python is told not to keep compiled modules, each node compiles 300 of them when it starts.
 unexport PYTHONDONTWRITEBYTECODE
 
+# Tests that `make site` runs.
+BY_SITE := tests/tools/test_notebooks.py tests/tools/test_site.py
+
 .PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports budget bench pictures reference site dist clean
 
 help:
@@ -53,7 +56,7 @@ demo: $(VENV)/.run
 	@$(BIN)/serd demo $(ARGS)
 
 test: build
-	@$(BIN)/python -m pytest -n 3 --dist worksteal $(ARGS)
+	@$(BIN)/python -m pytest -n 3 --dist worksteal $(BY_SITE:%=--ignore=%) $(ARGS)
 
 fuzz: build
 	@SERD_FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 -s -v tests/fuzz $(ARGS)

@@ -29,7 +29,7 @@ HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 WEIGHTS = {"goal": 5.0, "social_norm": 1.0, "inverse_wall_distance": 0.2}
 TRUTH = np.array(list(OUTCOMES.values()))
-QUICK = ("--method", "mdce_irl")
+QUICK = ("--method", "mdce_serd_evidence")
 
 
 def write_demonstrations(folder, scenario="hallway", flow=None, n_episodes=30, **changes):
