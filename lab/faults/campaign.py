@@ -109,7 +109,7 @@ class _LivePlanner:
         made = make_planner(scenario)
         self._planner = self._scans.planner_on(made) if self._scans else made
         self._cells = scenario.cells
-        self._epochs = epochs_in(scenario, self._cells.grid)
+        self._epochs = epochs_in(scenario)
         self._followed = FollowedDirective(scenario)
         self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
         self._arrived_s = -math.inf

@@ -19,7 +19,6 @@ from serd_ros.process.progress import Progress, write_progress
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import Ending, EpisodeProgress, EpisodeStart, observed_result
-from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.epochs import epochs_in
 from serd_sim.world.observation import Observation
@@ -78,7 +77,7 @@ class EpisodeRunner:
         self._steer, self._start_of, self._give_up = steer, start, give_up
         self._on_end, self._on_new_session = on_end, on_new_session
         self._resets_world = start is None
-        self._epochs = epochs_in(scenario, grid_of(scenario))
+        self._epochs = epochs_in(scenario)
         self._drive: _Drive | None = None
         #: With the wall time at which it came.
         self._waiting: tuple[Observation, float] | None = None

@@ -83,10 +83,7 @@ class Planning(Activity):
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
-        self._followed, self._epochs = (
-            FollowedDirective(scenario),
-            epochs_in(scenario, self._cells.grid),
-        )
+        self._followed, self._epochs = FollowedDirective(scenario), epochs_in(scenario)
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
         self._answer: tuple[int, Command] | None = None

@@ -41,7 +41,6 @@ from serd_ros.nodes.watch_page import PageView, episode_values, serve_page
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import NO_NAMES, PageConfig
 from serd_sim.episodes.episode import EpisodeSettings
-from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.epochs import HELD_S, epochs_in
@@ -86,7 +85,7 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         self._moving = self._was_released = self._has_gamepad = False
         self._is_guarded = True
         self._heard_s: float | None = None
-        self._epochs = epochs_in(scenario, grid_of(scenario))
+        self._epochs = epochs_in(scenario)
         #: The newest intent, and since when it is the same.
         self._intent, self._since_s = Action.WAIT, -math.inf
         # Between the key of the emergency stop and the mux's answer a tap must not drive.

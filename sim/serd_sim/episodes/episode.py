@@ -111,7 +111,7 @@ def run_episode(
     observation = world.reset(episode, start_area)
     planner.reset()
     driver.begin(episode)
-    epochs = epochs_in(world.scenario, world.grid)
+    epochs = epochs_in(world.scenario)
     progress = EpisodeProgress(world.scenario, observation, limit_s)
     waypoint: Waypoint | None = None
     outcome: Ending | None = None

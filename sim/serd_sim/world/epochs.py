@@ -173,9 +173,10 @@ class DecisionEpochs:
         return bool(0 <= east <= columns and 0 <= north <= rows)
 
 
-def epochs_in(scenario: Scenario, grid: Grid) -> DecisionEpochs:
+def epochs_in(scenario: Scenario) -> DecisionEpochs:
     """Those of drives in a scenario."""
-    return DecisionEpochs(grid, patience_s=scenario.patience_s, wait_s=scenario.wait_s)
+    grid, patience_s, wait_s = scenario.cells.grid, scenario.patience_s, scenario.wait_s
+    return DecisionEpochs(grid, patience_s=patience_s, wait_s=wait_s)
 
 
 def decisions_of(ended: Mapping[int, Sequence[Epoch]], source: str) -> TimedDecisions:
