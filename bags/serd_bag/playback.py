@@ -1,4 +1,4 @@
-"""Replay of a bag at any rate, with pauses: which messages are due at a wall time.
+"""Replay of a bag at any rate: which messages are due at a wall time.
 
 Bag time runs `rate` times as fast as the wall time that is passed in. Messages are returned in the
 order of the bag, each at its log time; a log time that steps back is due at once.
@@ -47,10 +47,11 @@ class Playback:
     def __init__(self, messages: Iterable[RawMessage], *, rate: float = 1.0) -> None:
         self._rest: Iterator[RawMessage] = iter(messages)
         self._next = next(self._rest, None)
-        self._rate = _checked(rate)
+        if not (math.isfinite(rate) and rate > 0):
+            raise BagError(f"rate must be finite and above 0, got {rate}")
+        self._rate = rate
         self._bag_ns = self._next.log_time_ns if self._next else 0
         self._wall_s: float | None = None
-        self.paused = False
 
     @property
     def finished(self) -> bool:
@@ -59,7 +60,7 @@ class Playback:
 
     def bag_time_ns(self, wall_s: float) -> int:
         """Bag time at a wall time, for /clock; it never goes back."""
-        if self._wall_s is not None and not self.paused:
+        if self._wall_s is not None:
             passed_ns = round((wall_s - self._wall_s) * self._rate * 1e9)
             self._bag_ns += max(0, passed_ns)
         self._wall_s = wall_s
@@ -70,40 +71,11 @@ class Playback:
         now_ns = self.bag_time_ns(wall_s)
         found: list[RawMessage] = []
         while self._next is not None and self._next.log_time_ns <= now_ns:
-            if self.paused or (at_most is not None and len(found) >= at_most):
+            if at_most is not None and len(found) >= at_most:
                 break
             found.append(self._next)
             self._next = next(self._rest, None)
         return found
-
-    def wait_s(self, wall_s: float) -> float:
-        """Wall time until the next message is due: 0 for now, infinite when paused or finished."""
-        if self._next is None or self.paused:
-            return math.inf
-        return max(0.0, (self._next.log_time_ns - self.bag_time_ns(wall_s)) / 1e9 / self._rate)
-
-    def pause(self, wall_s: float) -> None:
-        """Stop bag time."""
-        self.bag_time_ns(wall_s)
-        self.paused = True
-
-    def resume(self, wall_s: float) -> None:
-        """Continue bag time where it stopped."""
-        self.bag_time_ns(wall_s)
-        self.paused = False
-
-    def step(self) -> RawMessage | None:
-        """The next message at once, with bag time set to it; None after the last."""
-        message = self._next
-        if message is not None:
-            self._bag_ns = max(self._bag_ns, message.log_time_ns)
-            self._next = next(self._rest, None)
-        return message
-
-    def set_rate(self, wall_s: float, rate: float) -> None:
-        """Change the rate from now on."""
-        self.bag_time_ns(wall_s)
-        self._rate = _checked(rate)
 
 
 class UntilDamage(Iterator[RawMessage]):
@@ -123,9 +95,3 @@ class UntilDamage(Iterator[RawMessage]):
         except BagError as error:
             self.damage = str(error)
             raise StopIteration from None
-
-
-def _checked(rate: float) -> float:
-    if not (math.isfinite(rate) and rate > 0):
-        raise BagError(f"rate must be finite and above 0, got {rate}; pause instead of rate 0")
-    return rate
