@@ -1,8 +1,14 @@
-"""People in one lidar scan: what the map does not explain, cut into bodies.
+"""People in lidar scans: what the map does not explain, cut into bodies, and tracked.
 
 Rays that end away from every wall are grouped while their end points stay close together; a group
 wider than one body is split. Of a round body of radius r only the near side is seen, on average
-pi/4 r before its centre.
+pi/4 r before its centre. Tracks take the nearest detections by an alpha-beta filter:
+
+    x+ = x + v dt;  r = z - x+;  x = x+ + alpha r;  v = v + beta / dt r
+
+A lidar whose scans and poses have stamps of their own is read at the poses that the robot had at
+the stamps. A scan that is old, mostly without ranges, or unchanged while the robot moves shows no
+people, which does not mean that there are none: the answer is then the fault.
 """
 
 import math

@@ -104,12 +104,6 @@ class ScanMatcher:
         self._observation = _stamp_ns(observation), observation
         self._match()
 
-    def is_complete(self, observation: Observation) -> bool:
-        """Whether the scan of this tick has been taken, or the tick has none."""
-        if observation.tick % self._scenario.ticks_per_scan:
-            return True
-        return self._taken_ns == _stamp_ns(observation)
-
     def _match(self) -> None:
         if self._scan is None or self._observation is None:
             return
