@@ -154,10 +154,16 @@ class Endpoints:
         stays = is_latched(requested) and any(map(is_latched, offered))
         if stays and not is_latched(profile):
             return [subscription, make(profile)]
+        self.end(subscription, take)
+        return [make(profile)]
+
+    def end(
+        self, subscription: Subscription, take: Callable[[Any, Mapping[str, int]], None]
+    ) -> None:
+        """Destroy a subscription, once `take` was called with each message that waits in it."""
         for message, info in waiting_messages(subscription):
             take(message, info)
         self.destroy(subscription)
-        return [make(profile)]
 
     def follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""

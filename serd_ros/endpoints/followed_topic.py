@@ -1,8 +1,12 @@
-"""Raw subscriptions with the times of each message, and with the quality of service of publishers.
+"""Topics of which type or quality of service is that of their publishers; /tf, and people.
 
 A subscription matches a publisher when it requests no more than is offered: reliability, and
 messages from before it was made (transient local). So it requests what all publishers offer; where
 only some are latched, it first receives what these have kept.
+
+The middleware has one type per topic and process: until a publisher of another known type comes,
+people are received as `pedestrians`, a PointCloud2. Other types and transforms travel as bytes,
+so that their packages need not be installed: there is no wheel of tf2_msgs.
 """
 
 import time
@@ -30,11 +34,13 @@ from serd_ros.convert.stamp import require_finite, require_time, to_stamp
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.endpoints import Endpoints, waiting_messages
 from serd_ros.endpoints.qos import common_qos, is_latched, recording_qos
-from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.endpoints.topic_types import HASH_START, TF_TYPE, TopicType
 from serd_ros.errors import MessageError
 from serd_sim.perception.scan_people import PeopleTracker
 from serd_sim.robot.urdf import LinkTransform, Placed
 from serd_sim.world.observation import People
+
+_LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
 
 
 @dataclass(frozen=True)
@@ -92,9 +98,7 @@ class FollowedTopic:
             self._subscription, offered, self._subscribe, self._take_received
         )
         for each in latched:  # what it has kept has come
-            for message, info in waiting_messages(each):
-                self._take_received(message, info)
-            self._endpoints.destroy(each)
+            self._endpoints.end(each, self._take_received)
         return False
 
     @property
@@ -121,10 +125,6 @@ class FollowedTopic:
         return self._endpoints.subscribe_raw(
             self.kind.message, self.name, self._take_received, profile
         )
-
-
-TF_TYPE = "tf2_msgs/msg/TFMessage"
-_LOOK_PERIOD_S = 0.5
 
 
 def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lambda: None) -> None:
@@ -222,10 +222,6 @@ def _message(time_s: float, *links: LinkTransform) -> Any:
         header = types["std_msgs/msg/Header"](at, parent)
         stamped.append(made("TransformStamped", header, child, made("Transform", place, turn)))
     return types[TF_TYPE](stamped)
-
-
-_LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
-_HASH = "RIHS01_"
 
 
 class PeopleInMap:
@@ -336,7 +332,7 @@ class PeopleTopic:
             topic = Topic(self.name, message_type(type_name))
             require_people(topic, self._node.get_name())
             known = topic.message_type.type_hash
-            if type_hash.startswith(_HASH) and known and type_hash != known:
+            if type_hash.startswith(HASH_START) and known and type_hash != known:
                 package = type_name.partition("/")[0]
                 raise BagError(
                     f"{topic.name}: {type_name} must be as installed here, {known}, its publishers"

@@ -1,6 +1,10 @@
 """Message type and quality of service of every topic a bag may hold.
 
-A topic of this stack goes by its name, any other as `topic:package/msg/Type`.
+A topic of this stack goes by its name, any other as `topic:package/msg/Type`. rclpy takes a type
+only with its compiled support. A message that travels as bytes needs no more of that than its name,
+its hash and that its size is unbounded, so a support of this is made for types that are not
+installed, for rmw_fastrtps_cpp alone. Its type description, which the middleware requires, has a
+name and no fields.
 """
 
 import ctypes
@@ -51,7 +55,10 @@ class TopicType:
         return bool(fields) and fields[0][1] in [(Nodetype.NAME, kind) for kind in _TIMES]
 
 
-_TWIST_STAMPED, _TF = "geometry_msgs/msg/TwistStamped", "tf2_msgs/msg/TFMessage"
+#: How a type hash begins that is known.
+HASH_START = "RIHS01_"
+TF_TYPE = "tf2_msgs/msg/TFMessage"
+_TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 #: Of the topics of this stack.
 TYPES = {
     topic: TopicType(name, profile)
@@ -77,7 +84,7 @@ TYPES = {
         ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
         ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY,
          topics.MARKERS_VALUE, topics.MARKERS_ARRIVAL),
-        (_TF, None, topics.TF, topics.TF_STATIC),
+        (TF_TYPE, None, topics.TF, topics.TF_STATIC),
     )
     for topic in names
 }  # fmt: skip
@@ -124,7 +131,7 @@ def message_class(kind: MessageType) -> Any | None:
 _MIDDLEWARE = "rmw_fastrtps_cpp"
 _SUPPORT = b"rosidl_typesupport_fastrtps_c"
 _INTROSPECTION = b"rosidl_typesupport_introspection_c"
-_HASH_START, _HASH_BYTES = "RIHS01_", 32
+_HASH_BYTES = 32
 _HEADROOM = 1 << 16
 
 _Handle = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
@@ -192,10 +199,10 @@ def _support(kind: MessageType) -> tuple[Any, tuple[Any, ...]]:
 
 def _hash(text: str) -> Any:
     try:
-        digest = bytes.fromhex(text.removeprefix(_HASH_START))
+        digest = bytes.fromhex(text.removeprefix(HASH_START))
     except ValueError:
         return _Hash()
-    is_known = text.startswith(_HASH_START) and len(digest) == _HASH_BYTES
+    is_known = text.startswith(HASH_START) and len(digest) == _HASH_BYTES
     return _Hash(1, (ctypes.c_uint8 * _HASH_BYTES)(*digest)) if is_known else _Hash()
 
 

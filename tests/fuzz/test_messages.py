@@ -20,8 +20,8 @@ from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_episode_message
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import TF_TYPE, PeopleTopic, Received
-from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.endpoints.followed_topic import PeopleTopic, Received
+from serd_ros.endpoints.topic_types import TF_TYPE, TopicType
 from serd_ros.graph.graph import load_graph
 from serd_ros.nodes.demo_recorder import DemoRecorderNode
 from serd_ros.nodes.hallway_sim import HallwaySim

@@ -3,7 +3,7 @@
 import math
 
 from serd_bag.formats.rosbag2.message_types import rosbags_types
-from serd_ros.endpoints.followed_topic import TF_TYPE
+from serd_ros.endpoints.topic_types import TF_TYPE
 
 
 def quaternion(yaw):

@@ -17,7 +17,6 @@ from serd_ros.convert.frames import Frames
 from serd_ros.convert.motion import to_odometry
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import (
-    TF_TYPE,
     FollowedTopic,
     PeopleTopic,
     TransformPublisher,
@@ -25,7 +24,7 @@ from serd_ros.endpoints.followed_topic import (
 )
 from serd_ros.endpoints.qos import common_qos, less_demanding
 from serd_ros.endpoints.robot import ObservationSource
-from serd_ros.endpoints.topic_types import TopicType, message_class, raw_message_class
+from serd_ros.endpoints.topic_types import TF_TYPE, TopicType, message_class, raw_message_class
 from serd_ros.settings import LocalisationConfig
 from support.nodes_in_process import deliver, node_in_process, other_participant
 from support.observations import observation_at

@@ -22,8 +22,7 @@ from serd_ros.convert.frames import Frames
 from serd_ros.convert.motion import to_goal_area_message, to_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.followed_topic import TF_TYPE
-from serd_ros.endpoints.topic_types import TopicType
+from serd_ros.endpoints.topic_types import TF_TYPE, TopicType
 from serd_ros.graph.graph import PATIENCE_S
 from serd_ros.process.serd_node import BAD_INPUT
 from serd_sim.episodes.episode import EpisodeStart
