@@ -80,13 +80,13 @@ def is_included():
 
 def given_parameters(context, own):
     """All arguments but empty ones and those of this file; those of an including file are left."""
-    nodes = load_graph().nodes
-    known = descriptions(nodes)
+    nodes, included = load_graph().nodes, is_included()
+    known = descriptions(nodes) if included else {}
     given = {}
     for name, text in context.launch_configurations.items():
         node, dot, _ = name.partition('.')
         ours = name in known or (dot and node in nodes)
-        if text and name not in own and (ours or not is_included()):
+        if text and name not in own and (ours or not included):
             given[name] = yaml.safe_load(text)
     return given
 
