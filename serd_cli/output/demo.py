@@ -22,7 +22,7 @@ from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
-from serd_cli.commands.demo import DemoFolder, DemoSettings
+from serd_cli.output.demo_folder import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, facts_table, print_json
 from serd_files.model_file import load_model
 from serd_ros.convert.motion import from_pose
