@@ -19,7 +19,7 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times
 from serd_app.navigation.navigator import plan_remarks
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_app.report.summary import headline_of, summary_of
+from serd_app.report.summary import headline_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
 from serd_cli.output.demo_folder import DemoFolder, DemoSettings
@@ -50,9 +50,8 @@ def report_demo(
     folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming], *, as_json: bool
 ) -> None:
     """Write the report beside the run's files and print its summary."""
-    inputs = report_inputs(folder, settings, phases)
-    page = write_report(inputs, folder.root)
-    summary = summary_of(inputs)
+    written = write_report(report_inputs(folder, settings, phases), folder.root)
+    page, summary = written.page, written.summary
     if as_json:
         print_json({**summary, "report": page})
         return
