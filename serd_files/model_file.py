@@ -134,7 +134,7 @@ class ModelFile(StrictModel):
             if model.name not in MODEL_NAMES:
                 raise ValueError(
                     f"outcome_models must be among {', '.join(MODEL_NAMES)}, got {model.name!r};"
-                    " learn the model again (models whose outcomes depend on density have left)"
+                    " learn the model again"
                 )
         names = [model.name for model in self.outcome_models]
         if len(set(names)) < len(names) or MODEL_NAMES[WAITING] not in names:

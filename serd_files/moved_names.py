@@ -5,7 +5,7 @@ from typing import Literal
 
 from serd_bag.nearest import hint
 
-Kind = Literal["command", "option", "parameter", "executable", "key"]
+Kind = Literal["command", "option", "parameter", "key"]
 
 _PAGE = (
     "serd teleop and serd demo always have their page, which has the keys, also from another"
@@ -18,14 +18,15 @@ _WAYPOINT = "waypoints are straight ahead, at least a metre beyond the next cell
 _DWELL_TIMES = "'serd learn' learns how long moves take from every table of decisions"
 _REPLAY = "a replay starts with the nodes of --wait-for and does not pause"
 
-_GUARD: tuple[tuple[Kind, str], ...] = (
-    ("parameter", "clock_jump"),
-    ("parameter", "vanished_hold"),
-    ("parameter", "frozen_messages"),
-    ("parameter", "unseen_people"),
-    ("parameter", "people_look"),
-    ("parameter", "consistency_window"),
-    ("parameter", "second_look"),
+#: Parameters of the guard that have left.
+_GUARD = (
+    "clock_jump",
+    "vanished_hold",
+    "frozen_messages",
+    "unseen_people",
+    "people_look",
+    "consistency_window",
+    "second_look",
 )
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "episode"): "serd scenario film drives one episode and draws it",
@@ -45,8 +46,6 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("option", "--inverse-temperature"): "serd_core.fit_policy_matching has it",
     ("option", "--backend"): "batches run on the processes of this machine; leave it out",
     ("option", "--planner"): "there is one local planner; leave it out",
-    ("command", "compare"): "scores of recordings by a model have left",
-    ("command", "schema"): "docs/scenarios.md lists all keys of scenarios",
     ("parameter", "lookahead_cells"): f"{_WAYPOINT}; leave it out",
     ("parameter", "patience_periods"): "it is called patience_decisions",
     ("parameter", "keys"): f"{_REPLAY}; leave it out",
@@ -59,7 +58,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "compression"): "'serd bag convert BAG --compression zstd' compresses a bag",
     ("parameter", "planner"): "there is one local planner; leave it out",
     ("parameter", "gui"): "'serd watch' shows the world on a web page; leave it out",
-    **dict.fromkeys(_GUARD, "the guard has its default; leave it out"),
+    **{("parameter", name): "the guard has its default; leave it out" for name in _GUARD},
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
     ),
@@ -75,7 +74,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("key", "goals_m"): "goal_area_m has the corners of the area in which an episode ends",
     ("key", "goal_radius_m"): "goal_area_m has the corners of the area in which an episode ends",
     ("key", "waypoint_reached_m"): "actions are no longer read from waypoints; delete the key",
-    ("key", "people"): ("scenarios have pedestrians; one table holds robot and people, by ids"),
+    ("key", "people"): "scenarios have pedestrians; one table holds robot and people, by ids",
     ("key", "experts"): "the robot of a bag demonstrates; people demonstrate in a table",
 }
 

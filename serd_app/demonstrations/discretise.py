@@ -115,17 +115,13 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
 
 
 def demonstrations_of_bag(
-    bag: str | Path, grid: Grid, patience_s: float, wait_s: float, *, hidden: bool = False
+    bag: str | Path, grid: Grid, patience_s: float, wait_s: float
 ) -> tuple[TimedDecisions, DiscretisationReport]:
     """Those of a bag, and what was left out; BagError where there is nothing to use.
 
-    patience_s, wait_s: see `DecisionEpochs`. hidden: without intents, from poses and episodes
-    alone.
+    patience_s, wait_s: see `DecisionEpochs`.
     """
-    drives: Sequence[RecordedDrive] = read_drives(bag, intents=not hidden)
-    if hidden:
-        drives = [drive.with_hidden_actions for drive in drives]
-    decisions, report = demonstrations_of_drives(drives, grid, patience_s, wait_s)
+    decisions, report = demonstrations_of_drives(read_drives(bag), grid, patience_s, wait_s)
     if not len(decisions):
         raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
     return decisions, report

@@ -28,12 +28,8 @@ from serd_sim.scenario.polygon import Point, contains
 ASSUMED_UNITS = "m, rad, m/s and s are assumed, as ROS defines the units of messages"
 
 _LEAST_CORNERS = 3
-#: Keys of one kind of actions.
-_ONLY_FOR = {
-    "hold_s": "velocity",
-    "delay_s": "velocity",
-    "silence": "velocity",
-}
+#: Keys that are read where actions are velocities.
+_OF_VELOCITIES = ("hold_s", "delay_s", "silence")
 UNMARKED, ARRIVED = "unmarked", "arrived"
 GAP, GOAL, STOP, TURN = "gap", "goal", "stop", "turn"
 _OUTCOMES = {"": UNMARKED, GAP: UNMARKED, RETURN: RETURN}
@@ -150,11 +146,10 @@ class BagMapping(DriveMapping):
     @model_validator(mode="after")
     def _keys_have_an_effect(self) -> "BagMapping":
         """A key that is given and not read is a mistake that would go unnoticed."""
-        for key, source in _ONLY_FOR.items():
-            default = type(self).model_fields[key].default
-            if getattr(self, key) != default and self.action_from != source:
+        for key in _OF_VELOCITIES if self.action_from != "velocity" else ():
+            if getattr(self, key) != type(self).model_fields[key].default:
                 raise ValueError(
-                    f"{key} must be left out unless action_from is {source}, it is"
+                    f"{key} must be left out unless action_from is velocity, it is"
                     f" {self.action_from}; correct action_from or delete the key"
                 )
         return self

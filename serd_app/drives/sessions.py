@@ -146,26 +146,22 @@ class DriveSessions:
         return distance_ns[newest] < distance_ns[own]
 
 
-def read_drives(
-    directory: str | Path, *, tolerant: bool = False, intents: bool = True
-) -> tuple[RecordedDrive, ...]:
+def read_drives(directory: str | Path, *, tolerant: bool = False) -> tuple[RecordedDrive, ...]:
     """The drives of a bag; BagError names a topic that is missing or a message that is damaged.
 
-    tolerant: read what a broken bag still holds. intents: see `drives_in`.
+    tolerant: read what a broken bag still holds.
     """
-    return drives_in(BagReader(directory, tolerant=tolerant), intents=intents)
+    return drives_in(BagReader(directory, tolerant=tolerant))
 
 
-def drives_in(reader: BagReader, *, intents: bool = True) -> tuple[RecordedDrive, ...]:
+def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
     """The drives of an opened bag, whose `damage` then lists what could not be read.
 
-    Where stamps of one of the topics are wrong, the bag is read again by its log times. intents:
-    whether these are read, without which a drive has poses and episodes alone.
+    Where stamps of one of the topics are wrong, the bag is read again by its log times.
     """
-    wanted = (POSE, INTENT, EPISODE) if intents else (POSE, EPISODE)
-    kinds = {topic_named(reader.topics, kind): kind for kind in wanted}
+    kinds = {topic_named(reader.topics, kind): kind for kind in (POSE, INTENT, EPISODE)}
     #: Log times and stamps (ns) of messages, one after the other.
-    times = {kind: array("q") for kind in wanted}
+    times = {kind: array("q") for kind in kinds.values()}
 
     def noted(kind: str, message: RawMessage) -> int | None:
         """The time in place of a stamp that is not set."""

@@ -32,7 +32,7 @@ from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.epochs import decisions_of
 
 if TYPE_CHECKING:
-    from serd_app.report.summary import Summary
+    from serd_app.report.write import Reported
 
 
 _PACKAGES = ("serd", "numpy", "scipy")
@@ -55,25 +55,16 @@ class ReportSources:
     policy: str = "optimal"
 
 
-@dataclass(frozen=True, eq=False)
-class Reported:
-    """page: its file; summary: the numbers of it."""
-
-    page: Path
-    summary: "Summary"
-
-
-def report(sources: ReportSources, output: Path) -> Reported:
+def report(sources: ReportSources, output: Path) -> "Reported":
     """Write the page with its tables and figures below `output`.
 
     SerdError or FileError names a missing or wrong file, or one of another grid.
     """
     require_folder(output)
     inputs = inputs_of_model(sources)
-    from serd_app.report.summary import summary_of
     from serd_app.report.write import write_report
 
-    return Reported(write_report(inputs, output), summary_of(inputs))
+    return write_report(inputs, output)
 
 
 def inputs_of_model(sources: ReportSources) -> ReportInputs:

@@ -124,7 +124,6 @@ class LiveDrive(DriveSessions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
 
     earlier: demonstrations known before. report: what was left out of the last session.
-    hidden: whether poses and episodes alone are used.
     """
 
     def __init__(
@@ -134,12 +133,9 @@ class LiveDrive(DriveSessions):
         patience_s: float,
         wait_s: float,
         earlier: TimedDecisions | None = None,
-        *,
-        hidden: bool = False,
     ) -> None:
         super().__init__(source)
         self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
-        self._hidden = hidden
         self.report: DiscretisationReport | None = None
 
     def gathered(self, *, unfinished: bool = True) -> TimedDecisions:
@@ -149,8 +145,7 @@ class LiveDrive(DriveSessions):
             last = replace(last, episodes=last.episodes[:-1])
         known = [] if self._earlier is None else [self._earlier]
         seen = {row for one in known for row in episode_rows(one).values()}
-        for recorded in (*before, last):
-            drive = recorded.with_hidden_actions if self._hidden else recorded
+        for drive in (*before, last):
             decisions, self.report = decisions_from_drive(drive, self._grid, *self._times_s, seen)
             known.append(decisions)
         return concatenate_renumbered(known)
@@ -159,7 +154,7 @@ class LiveDrive(DriveSessions):
 class LearnerMemory:
     """Demonstrations as they come, and the newest weights, from and to a checkpoint folder.
 
-    hidden: see `LiveDrive`. feature_names: of the weights, by default those of the scenario.
+    feature_names: of the weights, by default those of the scenario.
     """
 
     def __init__(
@@ -167,7 +162,6 @@ class LearnerMemory:
         scenario: Scenario,
         folder: Path,
         *,
-        hidden: bool = False,
         feature_names: Sequence[str] | None = None,
     ) -> None:
         grid = grid_of(scenario)
@@ -182,7 +176,6 @@ class LearnerMemory:
             scenario.patience_s,
             scenario.wait_s,
             earlier=earlier,
-            hidden=hidden,
         )
 
     @property

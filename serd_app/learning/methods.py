@@ -126,19 +126,13 @@ def relative_entropy_irl(data: FitData) -> MethodResult:
 
 def fit_by(method: MethodName, data: FitData) -> MethodResult:
     """Fit with a method; AppError where it cannot learn from such decisions."""
-    require_learnable(method, hidden=bool(data.decisions.hidden.any()))
+    if method not in LEARN_FROM_STATES and data.decisions.hidden.any():
+        raise AppError(
+            f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"
+            f" {method}, which counts actions; take {LEARN_FROM_STATES[0]}, or as action the motion"
+            " by action_from: motion in a mapping of 'serd demos'"
+        )
     return METHODS[method](data)
-
-
-def require_learnable(method: MethodName, *, hidden: bool) -> None:
-    """AppError where the method counts actions and some are hidden."""
-    if method in LEARN_FROM_STATES or not hidden:
-        return
-    raise AppError(
-        f"method must be one of {', '.join(LEARN_FROM_STATES)} where actions are hidden, got"
-        f" {method}, which counts actions; take {LEARN_FROM_STATES[0]}, or as action the motion"
-        " by action_from: motion in a mapping of 'serd demos'"
-    )
 
 
 METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {

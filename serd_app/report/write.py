@@ -6,6 +6,7 @@ The page is one HTML file with embedded pictures and without resources from outs
 import base64
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -35,8 +36,16 @@ _OWN_FILES: tuple[FileLink, ...] = (
 )
 
 
-def write_report(inputs: ReportInputs, directory: Path) -> Path:
-    """Write everything below `directory` (made if missing); returns the path of report.html.
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """page: its file; summary: the numbers of it."""
+
+    page: Path
+    summary: Summary
+
+
+def write_report(inputs: ReportInputs, directory: Path) -> Reported:
+    """Write everything below `directory` (made if missing), with the page as report.html.
 
     The page is written last: when it is there, all it links to is there.
     """
@@ -52,7 +61,7 @@ def write_report(inputs: ReportInputs, directory: Path) -> Path:
     atomic_write_text(folder / "summary.json", numbers + "\n")
     page = folder / "report.html"
     atomic_write_text(page, render_page(inputs, summary, pictures, _links(inputs)))
-    return page
+    return Reported(page, summary)
 
 
 def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:

@@ -8,60 +8,18 @@ from typing import Annotated, Any
 
 from rich.text import Text
 
-from serd_app.navigation.settings import NavigationSettings, PolicyKind
 from serd_app.report.inputs import PhaseTiming
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
 from serd_cli.errors import RunError
 from serd_cli.options import AsJson, free_folder, opt, resolved_scenario, validated, with_settings
+from serd_cli.output.demo_folder import DemoFolder, DemoSettings
 from serd_cli.output.terminal import progress_console
 from serd_cli.processes.stack_run import PAGE, port_fault, run_stack, stack_environment
 from serd_cli.processes.workspace import PROJECT
-from serd_files.settings import setting, setting_of
-from serd_files.table import EpisodeResult, load_episodes
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_ros.settings import WatchPageConfig
-from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.scenario.scenario import load_scenario
-
-
-class DemoSettings(EpisodeSettings):
-    """Seeds: demonstrations use `seed`, the learned policy drives in a world of another one."""
-
-    seed: int = setting_of(EpisodeSettings, "seed", default=3)
-    demonstrations: int = setting(8, "number of demonstrations by the scripted expert", ge=1)
-    episodes: int = setting_of(
-        EpisodeSettings, "episodes", default=10, description="episodes the learned policy drives"
-    )
-    policy: PolicyKind = setting_of(NavigationSettings, "policy")
-
-    @property
-    def navigation_seed(self) -> int:
-        """Seed of the world the learned policy is measured in."""
-        return self.seed + 1000
-
-
-class DemoFolder:
-    """Paths of one run."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root.resolve()
-        self.settings = self.root / "demo.yaml"
-        self.bag = self.root / "bag"
-        self.demonstrations = self.root / "demonstrations"
-        self.model = self.root / "model.yaml"
-        self.decisions = self.root / "decisions.csv"
-        self.learning = self.root / "model.learning.csv"
-        self.navigation = self.root / "navigation"
-        self.layout = self.root / "foxglove.json"
-        self.logs = self.root / "logs"
-
-    @staticmethod
-    def episodes(phase: Path) -> tuple[EpisodeResult, ...]:
-        """Rows of a phase's episodes.csv, none before it exists."""
-        table = phase / "episodes.csv"
-        return load_episodes(table) if table.is_file() else ()
-
 
 _LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
 

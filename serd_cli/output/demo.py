@@ -3,13 +3,11 @@
 import shlex
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.drives.drive import LONGEST_GAP_S
@@ -19,12 +17,12 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times
 from serd_app.navigation.navigator import plan_remarks
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
-from serd_app.report.summary import headline_of, summary_of
+from serd_app.report.summary import headline_of
 from serd_app.report.write import summary_rows, write_report
 from serd_bag.messages.fields import messages_of
-from serd_cli.commands.demo import DemoFolder, DemoSettings
+from serd_cli.output.demo_folder import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, facts_table, print_json
-from serd_files.model_file import load_model
+from serd_core.arrays import FloatArray
 from serd_ros.convert.motion import from_pose
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
@@ -50,9 +48,8 @@ def report_demo(
     folder: DemoFolder, settings: DemoSettings, phases: Sequence[PhaseTiming], *, as_json: bool
 ) -> None:
     """Write the report beside the run's files and print its summary."""
-    inputs = report_inputs(folder, settings, phases)
-    page = write_report(inputs, folder.root)
-    summary = summary_of(inputs)
+    written = write_report(report_inputs(folder, settings, phases), folder.root)
+    page, summary = written.page, written.summary
     if as_json:
         print_json({**summary, "report": page})
         return
@@ -72,16 +69,15 @@ def report_inputs(
     strategy = load_strategy(
         str(folder.model), scenario, settings.policy, timeout_s=settings.timeout_s
     )
-    model = load_model(folder.model)
-    recording, decisions = read_recording(folder.bag), load_decisions(folder.decisions)
+    decisions = load_decisions(folder.decisions)
     goals = strategy.problem.goal_states
     return ReportInputs(
         title=f"Learning to navigate: {scenario.name}",
         scenario=scenario,
         problem=strategy.problem,
         demonstrations=decisions,
-        demonstration_tracks_m=tuple(poses[:, :2] for poses in recording.poses),
-        fit=fit_of_file(model, strategy.problem, load_trace(folder.learning)),
+        demonstration_tracks_m=recorded_tracks_m(folder.bag),
+        fit=fit_of_file(strategy.file, strategy.problem, load_trace(folder.learning)),
         policy=strategy.policy,
         episodes=folder.episodes(folder.navigation),
         predicted=predicted_law(strategy, "train"),
@@ -104,21 +100,13 @@ def report_inputs(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """Robot poses (T, 3) at times_s (T,), cut into one piece per episode."""
-
-    times_s: tuple[NDArray[np.float64], ...]
-    poses: tuple[NDArray[np.float64], ...]
-
-
-def read_recording(bag: Path) -> Recording:
-    """All robot poses of a bag; the clock jumps between episodes."""
+def recorded_tracks_m(bag: Path) -> tuple[FloatArray, ...]:
+    """(T, 2) places of the robot in each episode of a bag; the clock jumps between episodes."""
     rows = [
-        (stamp_ns(message.header.stamp) * 1e-9, *from_pose(message.pose))
+        (stamp_ns(message.header.stamp) * 1e-9, *from_pose(message.pose)[:2])
         for _, message in messages_of(bag, [topics.ROBOT_POSE])
     ]
     _, first = np.unique([row[0] for row in rows], return_index=True)
     found = np.array(rows)[first]
     cuts = np.flatnonzero(np.diff(found[:, 0]) > LONGEST_GAP_S) + 1
-    return Recording(tuple(np.split(found[:, 0], cuts)), tuple(np.split(found[:, 1:], cuts)))
+    return tuple(np.split(found[:, 1:], cuts))

@@ -15,7 +15,6 @@ from serd_bag.errors import shortened
 from serd_bag.nearest import hint
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
-from serd_files.moved_names import where_or_near
 from serd_files.yaml_config import read_yaml
 from serd_ros.graph.graph import PACKAGE, Stack, load_graph, placed_nodes
 
@@ -84,7 +83,7 @@ def find_command(package: str, executable: str, environment: Mapping[str, str]) 
 
 def _require_known(package: str, executable: str, known: list[str]) -> None:
     if executable not in known:
-        near = where_or_near("executable", executable, known)
+        near = hint(executable, known)
         raise UsageError(f"package {package!r} has no executable {executable!r}; {near}")
 
 

@@ -16,7 +16,7 @@ Columns without a name are called by their number. Public layouts state more tha
 import io
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_bag.files import read_bytes
-from serd_files.trajectories.columns import numeric, role_of
+from serd_files.trajectories.columns import Cells, numeric, role_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,15 +44,6 @@ _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
 _NAVWARE = ("timestamp", "robot_x", "robot_y")
 _RATE = re.compile(r"frame\s*-?rate\D{0,5}(\d+(?:\.\d+)?)", re.IGNORECASE)
 _IN_M = re.compile(r"\bin m\b")
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """names: of all columns; stated: what the layout states, by the key of a mapping."""
-
-    frame: "pd.DataFrame"
-    names: tuple[str, ...]
-    stated: dict[str, Any] = field(default_factory=dict)
 
 
 def read_cells(path: Path) -> Cells:

@@ -6,7 +6,7 @@ The names are a closed set, which docs/sources.md lists; all else is stated by a
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,8 +19,6 @@ from serd_files.yaml_config import StrictModel
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from serd_files.trajectories.cells import Cells
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -46,6 +44,15 @@ _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 #: Words for a place, which may precede the axis.
 _PLACE = frozenset(["position", "pos", "pose", "field"])
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """names: of all columns; stated: what the layout states, by the key of a mapping."""
+
+    frame: "pd.DataFrame"
+    names: tuple[str, ...]
+    stated: dict[str, Any] = field(default_factory=dict)
 
 
 class TableColumns(StrictModel):
@@ -125,7 +132,7 @@ def mapping_of(names: Sequence[str], **columns: int) -> str:
     return str(text).strip()
 
 
-def columns_of(where: str, cells: "Cells", wanted: TableColumns) -> Columns:
+def columns_of(where: str, cells: Cells, wanted: TableColumns) -> Columns:
     """Return the columns of a table; raises FileError where they are missing or not certain."""
     names = cells.names
     given = {
@@ -157,7 +164,7 @@ def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int
     )
 
 
-def _require_one(where: str, cells: "Cells", role: str) -> None:
+def _require_one(where: str, cells: Cells, role: str) -> None:
     """Raise FileError with the mappings to write if several columns have the role and numbers."""
     names = cells.names
     found = [column for column, name in enumerate(names) if role_of(name) == role]
@@ -214,7 +221,7 @@ class Rows:
     assumed: dict[str, str]
 
 
-def rows_of(where: str, cells: "Cells", columns: Columns, wanted: TableColumns) -> Rows:
+def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) -> Rows:
     """Return the rows of all agents; raises FileError where a rate or a unit is not stated."""
     import pandas as pd
 
@@ -244,7 +251,7 @@ def rows_of(where: str, cells: "Cells", columns: Columns, wanted: TableColumns) 
 
 
 def _seconds(
-    where: str, cells: "Cells", column: int, wanted: TableColumns
+    where: str, cells: Cells, column: int, wanted: TableColumns
 ) -> tuple[FloatArray, dict[str, str]]:
     """Return the times, NaN where there is none, and what of their unit is assumed.
 
@@ -274,7 +281,7 @@ def _seconds(
 
 
 def _metres(
-    where: str, cells: "Cells", columns: Columns, wanted: TableColumns
+    where: str, cells: Cells, columns: Columns, wanted: TableColumns
 ) -> tuple[dict[str, float], dict[str, str]]:
     """Return the factors of x and y, and what of their unit is assumed."""
     if wanted.unit is not None:
@@ -290,7 +297,7 @@ def _metres(
     return scale, {} if stated else {"unit": "places in m"}
 
 
-def _episodes(cells: "Cells", columns: Columns, time_s: FloatArray) -> tuple[IntArray, list[str]]:
+def _episodes(cells: Cells, columns: Columns, time_s: FloatArray) -> tuple[IntArray, list[str]]:
     """Return the number of the episode of each row, and their names, none where there is one.
 
     Without ids and a column of episodes, one begins where the time goes back near to the start of

@@ -13,8 +13,9 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
-from serd_files.trajectories.cells import Cells, read_cells
+from serd_files.trajectories.cells import read_cells
 from serd_files.trajectories.columns import (
+    Cells,
     Columns,
     Rows,
     TableColumns,

@@ -13,8 +13,8 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from serd_bag.nearest import hint
 from serd_files.errors import missing_extra
-from serd_files.moved_names import where_or_near
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
@@ -60,7 +60,7 @@ def run(executable: str) -> NoReturn:
 
         nodes = load_graph().nodes
         if executable not in nodes:  # of a workspace that an earlier version built
-            near = where_or_near("executable", executable, nodes)
+            near = hint(executable, nodes)
             print(f"there is no node {executable!r}; {near}", file=sys.stderr)
             sys.exit(2)
         try:

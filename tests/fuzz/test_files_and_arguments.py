@@ -25,7 +25,7 @@ from serd_app.places.free_area import read_area_m
 from serd_app.places.ros_map import MapFile
 from serd_app.teleop.joy_mapping import load_joy_mapping
 from serd_app.teleop.twist_mux import load_mux
-from serd_cli.commands.demo import DemoSettings
+from serd_cli.output.demo_folder import DemoSettings
 from serd_cli.processes.workspace import parse_assignment, stack_processes
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_files.grid_file import load_grid, save_grid

@@ -33,8 +33,8 @@ _LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), 
 _BESIDE_M = 0.13
 _ARROW_EVERY_M = 4.0
 _LARGEST_GRID = 4000
-#: Widest shaft of an arrow, in sides of its cell.
-_SLENDER = 0.11
+#: Widest shaft of an arrow, and the same in sides of its cell.
+_SHAFT_IN, _SLENDER = 0.016, 0.11
 
 
 def draw_visitation(
@@ -108,13 +108,12 @@ def draw_arrows(
     greedy: IntArray,
     is_goal: BoolArray,
     trapped: BoolArray,
-    width_in: float = 0.016,
 ) -> None:
     """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
     rows, columns = grid.walkable.shape
     panel = axes.get_window_extent()
     cell_in = min(panel.width / columns, panel.height / rows) / axes.figure.dpi
-    width_in = min(width_in, _SLENDER * float(cell_in))
+    width_in = min(_SHAFT_IN, _SLENDER * float(cell_in))
     moving = (greedy != Action.WAIT) & ~is_goal
     waiting = (greedy == Action.WAIT) & ~is_goal
     colours = np.where(trapped, style.RED, style.INK)

@@ -14,7 +14,6 @@ import numpy as np
 
 from serd_bag.nearest import choice_rule
 from serd_core.arrays import FloatArray
-from serd_files.moved_names import where
 from serd_sim.crowd.neighbours import Pairs
 from serd_sim.errors import SimError
 
@@ -225,9 +224,7 @@ def model_names() -> tuple[str, ...]:
 def model_named(name: str) -> SocialForceModel:
     """The model of that name; SimError with the nearest name when there is none."""
     if name not in _MODELS:
-        gone = where("key", name)
-        text = choice_rule("pedestrian model", name, _MODELS)
-        raise SimError(f"{text}; {gone}" if gone else text)
+        raise SimError(choice_rule("pedestrian model", name, _MODELS))
     return _MODELS[name]
 
 

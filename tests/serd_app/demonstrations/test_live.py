@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.decision_table import concatenate_renumbered
-from serd_app.demonstrations.discretise import AFTER_CUT_OFF, demonstrations_of_bag
+from serd_app.demonstrations.discretise import (
+    AFTER_CUT_OFF,
+    demonstrations_of_bag,
+    demonstrations_of_drives,
+)
+from serd_app.drives.sessions import read_drives
 from serd_app.learning.checkpoint import LiveDrive
 from serd_bag.reader import BagReader
 from serd_sim.scenario.grid import grid_of
@@ -46,15 +51,15 @@ def bag_of(target: Path, found) -> Path:
     return write_bag(target, OWN_TOPICS, rows)
 
 
-def live_drive(messages, earlier=None, **options) -> LiveDrive:
-    drive = LiveDrive("live", GRID, *TIMES_S, earlier, **options)
+def live_drive(messages, earlier=None) -> LiveDrive:
+    drive = LiveDrive("live", GRID, *TIMES_S, earlier)
     for topic, data in messages:
         drive.take(topic, data)
     return drive
 
 
-def of_bag(bag, **options):
-    return demonstrations_of_bag(bag, GRID, *TIMES_S, **options)
+def of_bag(bag):
+    return demonstrations_of_bag(bag, GRID, *TIMES_S)
 
 
 def same(first, second) -> bool:
@@ -66,20 +71,17 @@ def only(sent, *topics):
     return [each for each in sent if each[0] in topics]
 
 
-@pytest.mark.parametrize("n_intents", [0, 5])
-def test_poses_alone_give_the_hidden_decisions_of_the_bag(bag, sent, n_intents):
+def test_without_its_intents_a_bag_gives_hidden_decisions_with_the_same_moves(bag):
     def moves(decisions):
         """Of all episodes, from cell to cell."""
         moved = decisions.select(decisions.state != decisions.next_state)
         columns = moved.episode, moved.state, moved.next_state
         return [column.tolist() for column in columns]
 
-    offline = of_bag(bag, hidden=True)[0]
-    early = only(sent, "intent")[:n_intents]
-    drive = live_drive(early + only(sent, "robot_pose", "episode"), hidden=True)
-    assert same(drive.gathered(), offline)
-    assert offline.hidden.all()
-    assert moves(offline) == moves(of_bag(bag)[0])
+    drives = [drive.with_hidden_actions for drive in read_drives(bag)]
+    hidden, _ = demonstrations_of_drives(drives, GRID, *TIMES_S)
+    assert hidden.hidden.all()
+    assert moves(hidden) == moves(of_bag(bag)[0])
 
 
 def test_live_messages_give_the_decisions_of_the_bag_in_whatever_order_topics_come(bag, sent):

@@ -130,4 +130,4 @@ def inputs(scenario, problem, start, demonstrations, fit, policy) -> ReportInput
 @pytest.fixture(scope="session")
 def page(inputs: ReportInputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The whole report, its pictures in full size."""
-    return write_report(inputs, tmp_path_factory.mktemp("run") / "report")
+    return write_report(inputs, tmp_path_factory.mktemp("run") / "report").page

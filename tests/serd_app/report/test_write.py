@@ -114,7 +114,7 @@ def test_odd_names_are_shown_and_not_obeyed(inputs, tmp_path):
     )
     files = (FileLink("a <b> & c.yaml", odd),)
     given = replace(inputs, title=odd, run=run, scenario=scenario, files=files)
-    page = Page(write_report(given, tmp_path).read_text(encoding="utf-8"))
+    page = Page(write_report(given, tmp_path).page.read_text(encoding="utf-8"))
     assert "script" not in page.tags
     assert not page.open
     assert page.text.count(odd) >= 6
@@ -132,7 +132,7 @@ def known(inputs):
 
 @pytest.mark.usefixtures("quick_pictures")
 def test_a_fit_with_a_posterior_shows_what_it_knows(known, tmp_path):
-    page = Page(write_report(known, tmp_path).read_text())
+    page = Page(write_report(known, tmp_path).page.read_text())
     for row in known.knowledge.outcomes[::5]:
         assert row.known_from in page.text
         assert f"{row.from_choices_nats:.2f}" in page.text

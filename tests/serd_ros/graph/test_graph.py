@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Generic
@@ -38,7 +40,6 @@ from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import node_in_process
-from support.processes import outputs_of_processes
 
 SIMULATORS = {"hallway_sim", "bag_replay"}
 FROM_PEOPLE = {"goal_pose"}
@@ -369,8 +370,9 @@ def test_nodes_with_a_scenario_load_no_package_of_scipy():
         "from serd_sim.scenario.scenario import load_scenario", 'load_scenario("t_junction")',
         "print(*sys.modules)",
     ]  # fmt: skip
-    (output,) = outputs_of_processes("\n".join(lines), count=1)
-    loaded = set(output.split())
+    command = [sys.executable, "-W", "error", "-c", "\n".join(lines)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    loaded = set(done.stdout.split())
     assert "serd_sim.scenario.scenario" in loaded
     packages = {"sparse", "ndimage", "spatial", "special", "linalg", "optimize"}
     assert not loaded & {f"scipy.{package}" for package in packages}
