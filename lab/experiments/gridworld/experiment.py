@@ -95,8 +95,8 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
     rows = []
     for size in config.sizes:
         seen = decisions.select(decisions.episode < size)
+        given = LearnerInput(training.world.problem, seen, n_steps, rng)
         for name, learner in EXPERTS[config.expert].items():
-            given = LearnerInput(training.world.problem, seen, n_steps, rng)
             row: Row = {"repetition": number, "size": size, "learner": name}
             rows.append(row | measures(training, transfer, learner(given)))
     return rows
