@@ -35,9 +35,7 @@ from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.selection.evaluation import (
-    policy_log_likelihood,
-)
+from serd_core.selection.evaluation import policy_log_likelihood
 from serd_files.settings import setting
 
 

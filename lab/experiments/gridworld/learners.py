@@ -17,10 +17,7 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.policy_matching import clone_behaviour
-from serd_core.learners.relative_entropy_irl import (
-    fit_relative_entropy_irl,
-    hoeffding_thresholds,
-)
+from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import FixedBelief

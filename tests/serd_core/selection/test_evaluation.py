@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.selection.evaluation import (
-    select_weight,
-    split_episodes,
-)
+from serd_core.selection.evaluation import select_weight, split_episodes
 
 UNIFORM, NEVER = np.full((25, 5), 0.2), np.tile([1.0, 0, 0, 0, 0], (25, 1))
 
