@@ -1,1 +1,1 @@
-"""Estimators of the thesis that the library does not need: ascent, starts, stops, gradients."""
+"""Of the thesis, what the library does not need: ascent, starts, stops, gradients, priors."""

@@ -3,8 +3,8 @@
 Rewards and dynamics together can often explain the same demonstrations in more than one way. Fits
 that ended in the same place are one explanation; places are compared by outcome probabilities and
 by reward weights per temperature, so neither the softmax gauge nor the scale that policy matching
-leaves open (`pm_serd`) makes a difference. A fit that did not converge is on its way to one of them
-and explains nothing; it is kept and counted apart.
+leaves open (`fit_pm_serd`) makes a difference. A fit that did not converge is on its way to one of
+them and explains nothing; it is kept and counted apart.
 """
 
 from collections.abc import Callable

@@ -26,11 +26,11 @@ from serd_core.ascent.trust_region import TrustRegion
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult, StandardErrors
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
-from serd_core.uncertainty.standard_errors import StandardErrors, fit_information, standard_errors
+from serd_core.uncertainty.standard_errors import fit_information, standard_errors
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 

@@ -34,15 +34,12 @@ SAME = 0.01
 class PosteriorModes:
     """Approximations at all maxima found, those of most weight first.
 
-    weights: (k,) that sum to 1; objective: the log posterior; n_starts: searches there were;
-    n_failed: those that ended at no maximum.
+    weights: (k,) that sum to 1; objective: the log posterior.
     """
 
     approximations: tuple[Laplace, ...]
     weights: FloatArray
     objective: LogPosterior
-    n_starts: int
-    n_failed: int
 
     @property
     def log_evidence(self) -> float:
@@ -75,15 +72,12 @@ def posterior_modes(
     n_features = len(problem.feature_names)
     width = 1.0 / np.sqrt(np.diag(objective.prior_information(first))[:n_features])
     found: list[Laplace] = []
-    n_failed = 0
     for number in range(n_starts):
         start = first.copy()
         if number:
             start[:n_features] = width * rng.standard_normal(n_features)
         ascended = NewtonAscent().maximise(objective, start)
-        if not ascended.converged:
-            n_failed += 1
-        elif not any(_same(one, ascended.vector) for one in found):
+        if ascended.converged and not any(_same(one, ascended.vector) for one in found):
             found.append(laplace_at(objective, ascended.vector))
     if not found:
         raise SerdError(
@@ -91,7 +85,7 @@ def posterior_modes(
         )
     found.sort(key=lambda one: -one.log_evidence)
     weights = scipy.special.softmax([one.log_evidence for one in found])
-    return PosteriorModes(tuple(found), np.asarray(weights), objective, n_starts, n_failed)
+    return PosteriorModes(tuple(found), np.asarray(weights), objective)
 
 
 def _same(one: Laplace, vector: FloatArray) -> bool:

@@ -16,12 +16,11 @@ from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NavigationProblem
-from serd_core.learners.fit_result import FitResult
+from serd_core.learners.fit_result import FitResult, StandardErrors
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels
 from serd_core.semi_markov.place import dwell_summary
 from serd_core.uncertainty.standard_errors import (
     Identifiability,
-    StandardErrors,
     fit_information,
     identifiability,
     standard_errors,

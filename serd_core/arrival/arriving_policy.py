@@ -28,11 +28,10 @@ from serd_core.policies.solved_policy import Policy, optimal_policy
 
 @dataclass(frozen=True, eq=False)
 class Traps:
-    """looping, unlikely: (S,) masks; threshold: probability below which states are `unlikely`."""
+    """looping, unlikely: (S,) masks."""
 
     looping: BoolArray
     unlikely: BoolArray
-    threshold: float
 
     @property
     def states(self) -> IntArray:
@@ -104,7 +103,7 @@ def arriving_policy(
         cells, likely = problem.grid.neighbours, arrival.within(n_steps)
         goals = problem.goal_states
         looping = trap_states(cells, policy.probabilities, goals)
-        return arrival, Traps(looping, likely < TRAP_PROBABILITY, TRAP_PROBABILITY)
+        return arrival, Traps(looping, likely < TRAP_PROBABILITY)
 
     driven, (arrival, traps) = learned, arrives(learned)
     learned_traps, by_time = traps, np.zeros(len(learned.greedy), dtype=np.bool_)
@@ -122,7 +121,7 @@ def arriving_policy(
     lost = traps.unlikely
     if lost.any():
         lost = lost & (arrival_of(fastest).within(n_steps) < TRAP_PROBABILITY)
-    traps = Traps(traps.looping & lost, lost, TRAP_PROBABILITY)
+    traps = Traps(traps.looping & lost, lost)
     return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
 
 

@@ -18,14 +18,7 @@ import numpy as np
 import scipy.optimize
 
 from serd_core.arrays import FloatArray
-from serd_core.ascent.ascent import (
-    AT_A_KINK,
-    Ascent,
-    Climb,
-    Point,
-    largest,
-    vanishing,
-)
+from serd_core.ascent.ascent import AT_A_KINK, Ascent, Climb, Point, largest, vanishing
 from serd_core.ascent.trust_region import TrustRegion
 
 #: Weak Wolfe: a step gains this share of what its slope promises, and lowers the slope to that.

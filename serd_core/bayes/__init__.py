@@ -1,1 +1,1 @@
-"""Bayesian SERD: evidence, posterior distributions and their samples, calibration."""
+"""Bayesian SERD: evidence, posterior distributions and their draws, information."""

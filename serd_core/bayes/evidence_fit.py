@@ -17,8 +17,8 @@ from serd_core.bayes.strengths import PriorByEvidence, Strengths
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
-from serd_core.learners.start import dynamics_or_estimate, starting_parameters
-from serd_core.posterior.beliefs import Belief, FixedBelief, TiedBelief
+from serd_core.learners.start import TIED, dynamics_or_estimate, starting_parameters
+from serd_core.posterior.beliefs import Belief, FixedBelief
 from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, require_possible
@@ -26,7 +26,6 @@ from serd_core.priors.divergence import require_outcome_models
 from serd_core.priors.prior import Prior
 from serd_core.semi_markov.models import has_laws
 
-TIED = TiedBelief()
 #: Width of differences by logs of strengths; slope of the log evidence at its maximum.
 WIDTH, LEVEL = 0.002, 0.05
 #: Unit of the logs in the search, about the inverse root of the curvature of the evidence.
@@ -257,9 +256,9 @@ def evidence_start(
 ) -> Parameters:
     """Given weights and dynamics, otherwise 0 and the M-estimate, which explain the decisions."""
     problem = posterior.problem
-    if belief.learns_dynamics:
-        require_outcome_models(problem.mdp.transitions, "PriorByEvidence")
     learned = belief.learns_dynamics
+    if learned:
+        require_outcome_models(problem.mdp.transitions, "PriorByEvidence")
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=learned)
     n_features = len(problem.feature_names)
     weights = np.zeros(n_features) if initial_weights is None else initial_weights

@@ -1,9 +1,10 @@
-"""The record every learner returns."""
+"""The record every learner returns, and that of its standard errors."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from serd_core.arrays import FloatArray, require_kind
+import scipy  # loads stats at its first use
+
+from serd_core.arrays import FloatArray, require_kind, require_share
 from serd_core.ascent.ascent import AscentResult
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import PolicyModel
@@ -11,9 +12,6 @@ from serd_core.posterior.beliefs import Belief
 from serd_core.posterior.parameters import Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue
 from serd_core.priors.prior import Prior
-
-if TYPE_CHECKING:
-    from serd_core.uncertainty.standard_errors import StandardErrors
 
 
 @dataclass(frozen=True)
@@ -33,6 +31,31 @@ class Assumptions:
     def whole_prior(self) -> Prior:
         """The prior together with that of the belief."""
         return self.prior + self.belief.prior
+
+
+@dataclass(frozen=True, eq=False)
+class StandardErrors:
+    """Standard errors; infinite where the data do not identify a number.
+
+    free: (n,) of the free numbers, named by `names`; covariance: (n, n) over what is identified.
+    reward: (F,); outcome_probabilities: (M, K) of the true dynamics;
+    believed_outcome_probabilities: (M, K) of the expert's belief.
+    """
+
+    names: tuple[str, ...]
+    free: FloatArray
+    covariance: FloatArray
+    reward: FloatArray
+    outcome_probabilities: FloatArray
+    believed_outcome_probabilities: FloatArray
+
+    def reward_interval(
+        self, weights: FloatArray, coverage: float = 0.95
+    ) -> tuple[FloatArray, FloatArray]:
+        """Ends of the normal (Wald) intervals of (F,) reward weights, for many decisions."""
+        require_share("coverage", coverage)
+        width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * self.reward
+        return weights - width, weights + width
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +105,7 @@ class FitResult:
     undetermined: tuple[str, ...] = ()
     hidden_log_likelihood: float = 0.0
 
-    def summary(self, errors: "StandardErrors | None" = None) -> str:
+    def summary(self, errors: StandardErrors | None = None) -> str:
         """A table of the reward weights and how the fit went, for people.
 
         errors: of `standard_errors`, which add standard errors and 95 % intervals.

@@ -16,11 +16,7 @@ import numpy as np
 from serd_core.arrays import FloatArray, weighted_counts
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.simulation import (
-    absorption_features,
-    feature_counts,
-    trajectories_of,
-)
+from serd_core.demonstrations.simulation import absorption_features, feature_counts, trajectories_of
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search

@@ -114,7 +114,7 @@ def fit_mdce_serd(
     dynamics: (M, K) probabilities to start from, or the parameters of timed ones; None for the
     M-estimate of the decisions. With `FixedBelief()` they are known and stay as they are.
     belief: how what the expert believes of the dynamics relates to the truth: `TiedBelief()` (they
-    know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`, `BeliefAroundTruth()`.
+    know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`.
     prior: None for `PriorByEvidence()`, proper priors whose strengths the decisions choose; a sum
     of others such as `GaussianPrior(0, Block.REWARD, 2.0)`; `UniformPrior()` for the most likely
     parameters, which is also the default where an `ascent` is given.

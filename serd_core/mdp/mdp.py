@@ -14,7 +14,6 @@ from serd_core.arrays import (
     LISTED_BYTES_PER_ENTRY,
     BoolArray,
     FloatArray,
-    Shape,
     first_index,
     float_array,
     is_number,
@@ -94,14 +93,11 @@ SUM_TOLERANCE = 1e-6
 ROUNDING = 1e-9
 
 
-def checked_policy(
-    name: str, values: FloatArray, mdp: Mdp | None = None, shape: Shape = (None, None)
-) -> FloatArray:
+def checked_policy(name: str, values: FloatArray, mdp: Mdp) -> FloatArray:
     """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
-    policy = float_array(name, values, shape if mdp is None else mdp.available.shape)
-    available = np.ones_like(policy, dtype=np.bool_) if mdp is None else mdp.available
-    allowed = (policy >= -ROUNDING) & (available | (policy == 0.0))
-    rule = "be a probability" if mdp is None else "be a probability of an available action"
+    policy = float_array(name, values, mdp.available.shape)
+    allowed = (policy >= -ROUNDING) & (mdp.available | (policy == 0.0))
+    rule = "be a probability of an available action"
     require_each(name, policy, allowed, rule, "use 0 for actions that are not available")
     sums = policy.sum(axis=1)
     is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE

@@ -40,13 +40,11 @@ class ExpectedCounts:
     """Observations in which expected counts stand for hidden actions.
 
     observations: with `state_action` and `group_count` of shown and of hidden actions.
-    share: (H,) q of each transition that explains a hidden action; log_moves: (T,) log Z;
-    log_likelihood: L.
+    share: (H,) q of each transition that explains a hidden action; log_likelihood: L.
     """
 
     observations: Observations
     share: FloatArray
-    log_moves: FloatArray
     log_likelihood: float
 
 
@@ -56,7 +54,7 @@ def expected_counts(
     """Share hidden actions for an (S, A) log policy and P."""
     hidden = seen.hidden
     if not hidden:
-        return ExpectedCounts(seen, np.zeros(0), np.zeros(0), 0.0)
+        return ExpectedCounts(seen, np.zeros(0), 0.0)
     row = seen.key[hidden.place] // true.model.n_states
     probability = seen.probabilities(true.local_probabilities)
     log_joint = log_policy.ravel()[row] + np.log(floored(probability[hidden.place]))
@@ -67,7 +65,7 @@ def expected_counts(
     share /= total[hidden.move]
     completed = _completed(seen, hidden.count[hidden.move] * share)
     log_moves = largest + np.log(total)
-    return ExpectedCounts(completed, share, log_moves, float(hidden.count @ log_moves))
+    return ExpectedCounts(completed, share, float(hidden.count @ log_moves))
 
 
 def drawn_actions(

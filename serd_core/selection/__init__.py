@@ -1,1 +1,1 @@
-"""Choosing among fits: starts, stopping times and prior weights."""
+"""Likelihoods of decisions under a fit, and choosing among fits by them."""

@@ -1,13 +1,7 @@
-"""How good an estimate is (sections 4.6 and 5.2), and how usual demonstrations are for a model.
+"""How good an estimate is (sections 4.6 and 5.2), by decisions that it may not have learned from.
 
-An episode's score is the mean log-likelihood of its decisions. Its rank is the share of episodes
-simulated from the model, which start in the same state and take at most as many decisions, with a
-lower score. The tail probability of a decision is that of all decisions in its state that are as
-likely or less:
-
-    p(s, a, s') = sum of pi(a' | s) P(s'' | s, a') over those at most pi(a | s) P(s' | s, a)
-
-and where the action is hidden the same over the states reached, by their sums over actions.
+A decision has log pi(a | s), and with dynamics log pi(a | s) P(s' | s, a); where its action is
+hidden the sum over actions counts.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,18 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from serd_core.arrays import (
-    FloatArray,
-    first_index,
-    float_array,
-    number_array,
-    require_index,
-)
-from serd_core.demonstrations.decisions import (
-    Decisions,
-    require_decisions,
-    require_shown,
-)
+from serd_core.arrays import FloatArray, first_index, float_array, number_array, require_index
+from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
 from serd_core.demonstrations.observations import explaining_transitions, observe_in
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError

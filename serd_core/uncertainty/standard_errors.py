@@ -20,19 +20,12 @@ of scores, summed by decision (White 1982) or by cluster (Liang and Zeger 1986).
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # loads special and stats at their first use
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    require_kind,
-    require_share,
-)
+from serd_core.arrays import FloatArray, IntArray, float_array, require_kind
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult, require_fit
+from serd_core.learners.fit_result import FitResult, StandardErrors, require_fit
 from serd_core.mdp.problem import Problem, require_problem
 from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling, gauge_free_basis
 from serd_core.posterior.hessian import (
@@ -312,31 +305,6 @@ TOUCHED = 1e-6
 LONGEST_STEP = 0.1
 #: Eigenvalue of the correlation form of the information below which weights are not determined.
 SINGULAR = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class StandardErrors:
-    """Standard errors; infinite where the data do not identify a number.
-
-    free: (n,) of the free numbers, named by `names`; covariance: (n, n) over what is identified.
-    reward: (F,); outcome_probabilities: (M, K) of the true dynamics;
-    believed_outcome_probabilities: (M, K) of the expert's belief.
-    """
-
-    names: tuple[str, ...]
-    free: FloatArray
-    covariance: FloatArray
-    reward: FloatArray
-    outcome_probabilities: FloatArray
-    believed_outcome_probabilities: FloatArray
-
-    def reward_interval(
-        self, weights: FloatArray, coverage: float = 0.95
-    ) -> tuple[FloatArray, FloatArray]:
-        """Ends of the normal (Wald) intervals of (F,) reward weights, for many decisions."""
-        require_share("coverage", coverage)
-        width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * self.reward
-        return weights - width, weights + width
 
 
 def standard_errors(

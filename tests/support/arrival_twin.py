@@ -1,7 +1,7 @@
 """The arrival from every state by running the chain of a policy backwards, decision by decision.
 
 It is the law F_n of docs/arrival.md without dwell times, computed apart from
-`semi_markov_arrival`.
+`timed_arrival`.
 """
 
 import numpy as np

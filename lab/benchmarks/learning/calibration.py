@@ -11,13 +11,7 @@ strengths are 2 nats and 2 pseudo-counts. A p-value below 0.05 / 7 rejects (seve
 import numpy as np
 
 from lab.benchmarks.report import measured_rows, save
-from lab.posterior.calibration import (
-    N_RANKED,
-    Draw,
-    calibration_ranks,
-    draw_by_laplace,
-    uniformity,
-)
+from lab.posterior.calibration import N_RANKED, Draw, calibration_ranks, draw_by_laplace, uniformity
 from lab.posterior.modes import posterior_modes
 from lab.posterior.sampler import sample_posterior
 from serd_core.bayes.laplace import PosteriorDraws

@@ -35,9 +35,7 @@ from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.mdp.problem import TabularProblem
 from serd_core.policies.solved_policy import boltzmann_policy, soft_policy
-from serd_core.selection.evaluation import (
-    policy_log_likelihood,
-)
+from serd_core.selection.evaluation import policy_log_likelihood
 from serd_files.settings import setting
 
 
@@ -95,8 +93,8 @@ def one_repetition(config: GridworldConfig, number: int) -> list[Row]:
     rows = []
     for size in config.sizes:
         seen = decisions.select(decisions.episode < size)
+        given = LearnerInput(training.world.problem, seen, n_steps, rng)
         for name, learner in EXPERTS[config.expert].items():
-            given = LearnerInput(training.world.problem, seen, n_steps, rng)
             row: Row = {"repetition": number, "size": size, "learner": name}
             rows.append(row | measures(training, transfer, learner(given)))
     return rows

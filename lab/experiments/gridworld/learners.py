@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,10 +17,7 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.policy_matching import clone_behaviour
-from serd_core.learners.relative_entropy_irl import (
-    fit_relative_entropy_irl,
-    hoeffding_thresholds,
-)
+from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd
 from serd_core.mdp.problem import TabularProblem
 from serd_core.posterior.beliefs import FixedBelief
@@ -65,6 +62,11 @@ class LearnerInput:
     n_steps: int
     rng: np.random.Generator
 
+    @cached_property
+    def by_evidence(self) -> FitResult:
+        """The default of the library, which the thesis leaves to future work; for two learners."""
+        return fit_mdce_serd(self.problem, self.decisions)
+
 
 Learner = Callable[[LearnerInput], Estimate]
 
@@ -80,13 +82,12 @@ def _mdce_serd(given: LearnerInput) -> Estimate:
 
 
 def _serd_by_evidence(given: LearnerInput) -> Estimate:
-    """The default of the library, which the thesis leaves to future work."""
-    return Estimate.of(fit_mdce_serd(given.problem, given.decisions))
+    return Estimate.of(given.by_evidence)
 
 
 def _serd_averaged(given: LearnerInput) -> Estimate:
     """The average over its posterior, of random numbers of its own."""
-    fit = fit_mdce_serd(given.problem, given.decisions)
+    fit = given.by_evidence
     found = laplace(given.problem, given.decisions, fit)
     draws = laplace_draws(found, given.rng.spawn(1)[0])
     return Estimate(

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from lab.crowd.corridor_measures import (
-    Corridor,
-    measure_recording,
-)
+from lab.crowd.corridor_measures import Corridor, measure_recording
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from serd_files.trajectories.read import Track
 from serd_sim.crowd.crowd import Crowd

@@ -1,6 +1,1 @@
-from support.small_problems import (  # noqa: F401
-    gridworld,
-    make_gridworld,
-    minimum_example,
-    random_problem,
-)
+from support.small_problems import make_gridworld, minimum_example, random_problem  # noqa: F401

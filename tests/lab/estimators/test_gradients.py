@@ -13,12 +13,7 @@ from lab.estimators.forward_gradients import (
 )
 from lab.estimators.gradient_ascent import GradientAscent
 from lab.estimators.value_iteration import ValueIteration
-from lab.experiments.policy_cost import (
-    by_adjoint,
-    by_lu,
-    cost_case,
-    soft_step,
-)
+from lab.experiments.policy_cost import by_adjoint, by_lu, cost_case, soft_step
 from serd_core.ascent.ascent import FunctionObjective
 from serd_core.bellman.bellman_solver import BellmanProblem, HardBellman, Newton, SoftBellman
 from serd_core.dynamics.estimation import estimate_dynamics

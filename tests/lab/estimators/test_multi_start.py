@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.estimators.early_stopping import (
-    fit_serd_with_early_stopping,
-    validation_score,
-)
+from lab.estimators.early_stopping import fit_serd_with_early_stopping, validation_score
 from lab.estimators.multi_start import multi_start
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import fit_mdce_serd, fit_pm_serd

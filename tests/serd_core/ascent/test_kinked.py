@@ -3,10 +3,7 @@
 import numpy as np
 
 from serd_core.ascent.ascent import AT_A_KINK, STOPPED, FunctionObjective
-from serd_core.ascent.kinked import (
-    STALLED,
-    KinkedAscent,
-)
+from serd_core.ascent.kinked import STALLED, KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 
 

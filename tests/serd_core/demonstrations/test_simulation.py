@@ -4,10 +4,7 @@ import pytest
 import serd_core as sc
 from serd_core.demonstrations.decisions import Decisions, start_distribution, state_action_counts
 from serd_core.demonstrations.observations import observe
-from serd_core.demonstrations.simulation import (
-    feature_counts,
-    trajectories_of,
-)
+from serd_core.demonstrations.simulation import feature_counts, trajectories_of
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.learners.maxent_irl import fit_maxent_irl
 from serd_core.mdp.mdp import Mdp

@@ -3,10 +3,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.simulation import feature_counts
-from serd_core.learners.relative_entropy_irl import (
-    hoeffding_thresholds,
-    importance_log_weights,
-)
+from serd_core.learners.relative_entropy_irl import hoeffding_thresholds, importance_log_weights
 from serd_core.posterior.coordinates import feature_ranges
 from support.small_problems import sampled
 

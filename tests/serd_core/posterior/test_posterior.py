@@ -10,12 +10,7 @@ from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior import hessian as module
-from serd_core.posterior.beliefs import (
-    CoupledBelief,
-    FixedBelief,
-    FreeBelief,
-    TiedBelief,
-)
+from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import (
     Posterior,

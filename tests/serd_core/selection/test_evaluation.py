@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core.selection.evaluation import (
-    select_weight,
-    split_episodes,
-)
+from serd_core.selection.evaluation import select_weight, split_episodes
 
 UNIFORM, NEVER = np.full((25, 5), 0.2), np.tile([1.0, 0, 0, 0, 0], (25, 1))
 
@@ -73,8 +70,3 @@ def test_scores_that_are_no_numbers_and_splits_of_one_episode_are_refused(gridwo
     single = gridworld.decisions.select_episodes([0])
     with pytest.raises(sc.SerdError, match="at least two episodes to be split, got 1"):
         split_episodes(single, 0.5, np.random.default_rng(0))
-
-
-#: Action a fails always, b succeeds in 3 of 4 cases, both are chosen alike.
-CHOICE = np.array([[0.5, 0.5, 0.0], [0.0, 0.0, 1.0]])
-EVEN, TABLE = np.full((25, 5), 0.2), np.array([[1.0, 0.0], [0.25, 0.75]])

@@ -14,11 +14,7 @@ import pandas as pd
 
 from lab.experiments.running.tables import Row
 from lab.experiments.study.products import load_part
-from lab.experiments.study.recordings.drives import (
-    Purpose,
-    drive_in,
-    world_seed,
-)
+from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.settings import StudySettings
 from lab.experiments.study.study import TRAIN_AREA, Study, StudyWorld

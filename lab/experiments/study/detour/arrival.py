@@ -10,9 +10,10 @@ from lab.experiments.study.detour.fits import EXPERT, REWARDS
 from lab.experiments.study.detour.settings import DetourStudy
 from lab.experiments.study.products import load_part
 from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
-from lab.experiments.study.recordings.reference import reference_decisions, reference_dynamics
+from lab.experiments.study.recordings.reference import reference_decisions
 from lab.experiments.study.study import TRANSFER_AREA
 from serd_core.arrays import FloatArray
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.drivers.strategy import start_distribution
 
@@ -27,7 +28,8 @@ def arrive_repetition(study: DetourStudy, expert: str, repetition: int) -> dict[
     cut off at the time limit. Equal policies drive alike in equal worlds, so each drives once.
     """
     models = load_part(study, "fits", expert, repetition)["models"]
-    truth = reference_dynamics(study), study.laws_of(reference_decisions(study))
+    reference = reference_decisions(study)
+    truth = estimate_dynamics(study.problem, reference), study.laws_of(reference)
     driven = dict[tuple[int, ...], list[float]]()
     rows: list[Row] = []
     for model in models:

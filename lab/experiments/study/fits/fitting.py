@@ -23,10 +23,7 @@ from serd_app.learning.methods import fit_tied
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
 from serd_core.grid.navigation import NavigationProblem
-from serd_core.selection.evaluation import (
-    policy_log_likelihood,
-    split_episodes,
-)
+from serd_core.selection.evaluation import policy_log_likelihood, split_episodes
 
 
 def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]:

@@ -16,11 +16,7 @@ from lab.experiments.study.people.recordings import Run
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import (
-    NavigationProblem,
-    build_navigation_problem,
-    with_dwell_times,
-)
+from serd_core.grid.navigation import NavigationProblem, build_navigation_problem, with_dwell_times
 
 #: Parts of a corridor of any size, along and across.
 PARTS = (6, 5)

@@ -1,16 +1,8 @@
 import numpy as np
 import pytest
 
-from lab.experiments.gridworld.experiment import (
-    GridworldConfig,
-    measures,
-    one_repetition,
-    scenes,
-)
-from lab.experiments.gridworld.landscape import (
-    generated_landscape,
-    landscape_of_image,
-)
+from lab.experiments.gridworld.experiment import GridworldConfig, measures, one_repetition, scenes
+from lab.experiments.gridworld.landscape import generated_landscape, landscape_of_image
 from lab.experiments.gridworld.learners import Estimate
 from lab.experiments.gridworld.problem import true_dynamics
 

@@ -9,11 +9,7 @@ import pytest
 from lab.experiments.running.tables import plain_rows
 from lab.experiments.study.arrival.distances import ArrivalTables
 from lab.experiments.study.fits.methods import BASELINE, OURS
-from lab.experiments.study.hallway.tables import (
-    MEASURES,
-    arrival_scores,
-    beliefs,
-)
+from lab.experiments.study.hallway.tables import MEASURES, arrival_scores, beliefs
 from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE
 
 N = 6

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from lab.experiments.study.people.fold import (
-    CONSTANT_VELOCITY,
-    folds_of,
-)
+from lab.experiments.study.people.fold import CONSTANT_VELOCITY, folds_of
 from lab.experiments.study.people.learners import (
     COUNT,
     HIDDEN_ACTIONS,
