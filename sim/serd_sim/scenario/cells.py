@@ -216,7 +216,9 @@ def _without_narrow(parts: np.ndarray, walkable: BoolArray, cell_size_m: float) 
     wider_m = np.maximum(beside[1:-1, 2:, 0], beside[1:-1, :-2, 0])
     higher_m = np.maximum(beside[2:, 1:-1, 1], beside[:-2, 1:-1, 1])
     least_m = _NARROW_M + _NARROW_CELLS * cell_size_m
-    is_narrow = (width_m < least_m) & (width_m < np.stack([wider_m, higher_m], axis=-1))
+    # Whole cells are as wide as each other but for rounding.
+    beside_m = np.stack([wider_m, higher_m], axis=-1) - _TOLERANCE_M
+    is_narrow = (width_m < least_m) & (width_m < beside_m)
     narrow = np.flatnonzero(walkable & is_narrow.any(axis=-1))
     n_groups = len(np.unique(groups_of(walkable)))
     narrowest_first = narrow[np.argsort(width_m.min(axis=-1).flat[narrow], kind="stable")]

@@ -141,6 +141,14 @@ def test_cells_are_walkable_where_the_robot_fits_and_are_entered_in_their_free_p
     assert distance_to_segments_m(cells.middles_m, walls_m).min() > 0.28
 
 
+@pytest.mark.parametrize("cell_size_m", [0.24, 0.2])
+def test_fine_cells_away_from_walls_are_all_walkable(cell_size_m):
+    hallway = load_scenario("hallway").model_copy(update={"cell_size_m": cell_size_m})
+    x_m, y_m = np.meshgrid(np.arange(0.6, 5.4, 0.1), np.arange(0.6, 23.4, 0.1))
+    grid = grid_of(hallway)
+    assert all(grid.state_at(*point) >= 0 for point in zip(x_m.flat, y_m.flat, strict=True))
+
+
 @pytest.mark.parametrize("high_m", [4.0, 4.09])
 def test_a_way_that_is_too_narrow_is_refused_with_its_width_and_place(tmp_path, high_m):
     sentence = rf"the way is 0\.{round(100 * (high_m - 3.5))} m wide at \(\d\.\d+, 3\.[78]\d\) m"
