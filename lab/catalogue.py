@@ -64,6 +64,7 @@ BENCHMARKS = {
     name.replace("_", "-"): Work(".".join(filter(None, ("lab.benchmarks", folder, name))), about)
     for folder, name, about in (
         ("driving", "closed_loop", "256 episodes: people as given and from scans"),
+        ("driving", "crowd_step", "a step of 30 to 1,000 people, against JuPedSim"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
         ("learning", "calibration", "ranks of the truth among draws of both posteriors"),
         ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),

@@ -1,15 +1,23 @@
 """`python -m lab crowd`: simulated people beside measured ones."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import pandas as pd
 import typer
 
 from lab.crowd.comparison import compare_with_recording, compare_with_weidmann
 from lab.crowd.corridor_measures import Corridor, CorridorMeasures, corridor_of, measure_recording
 from lab.crowd.figure import draw_crowd_comparison
+from lab.crowd.meetings import (
+    ROBOT,
+    head_on,
+    meetings_row,
+    recorded_moments,
+    simulated_moments,
+)
 from lab.crowd.straight_corridor import corridor_people
 from lab.experiments.running.tables import Row, plain_rows, print_results
 from serd_app.report.style import save_figure
@@ -19,10 +27,12 @@ from serd_cli.options import AsJson, require_suffix
 from serd_cli.output.demonstrations import short_names
 from serd_cli.output.terminal import print_json, progress_console
 from serd_files.trajectories.columns import TableColumns
-from serd_files.trajectories.read import read_trajectories
+from serd_files.trajectories.read import Track, read_trajectories
 from serd_sim.crowd.social_force import model_names
 from serd_sim.errors import SimError
 
+#: Densities (people per m²) of the recordings of two-way flow.
+MEETING_DENSITIES, MEETING_SEEDS = (0.75, 1.0, 1.25), (1, 2)
 _Recording = tuple[str, Corridor, CorridorMeasures]
 
 
@@ -53,20 +63,26 @@ def crowd(
     for name, value in (("--fps", fps), ("--width", width)):
         if value is not None and not value > 0:
             raise UsageError(f"{name} must be above 0, got {value:g}")
-    recorded = [
-        (name, *_read(path, fps, width)) for name, path in _named(dict.fromkeys(recording or ()))
-    ]
+    recorded, meetings = list[_Recording](), list[Row]()
+    for name, path in _named(dict.fromkeys(recording or ())):
+        tracks, corridor, measures = _read(path, fps, width)
+        recorded.append((name, corridor, measures))
+        if corridor.flow == "two ways":
+            meetings.append(meetings_row(name, head_on(recorded_moments(tracks, corridor))))
     with progress_console.status("walking") as status:
         rows = []
         for row in _compared(recorded):
             rows.append(row)
             status.update(f"{row['model']}, {row['place']}, {row['density_pm2']} people per m²")
-    table = pd.DataFrame(rows)
+        meetings += _simulated_meetings()
+    table, head_ons = pd.DataFrame(rows), pd.DataFrame(meetings)
     save_figure(output, draw_crowd_comparison(table))
     if as_json:
-        print_json({"rows": plain_rows(table), "picture": str(output.resolve())})
+        found = {"rows": plain_rows(table), "meetings": plain_rows(head_ons)}
+        print_json({**found, "picture": str(output.resolve())})
         return
     print_results(table, "Simulated and measured people")
+    print_results(head_ons, "Who meets head-on: distance when passing, mean way aside")
     print(f"picture: {output.resolve()}")
 
 
@@ -79,7 +95,7 @@ def _named(paths: Iterable[Path]) -> Iterator[tuple[str, Path]]:
 
 def _read(
     path: Path, fps: float | None, width_m: float | None
-) -> tuple[Corridor, CorridorMeasures]:
+) -> tuple[Sequence[Track], Corridor, CorridorMeasures]:
     people = read_trajectories(path, TableColumns(fps=fps))
     try:
         walking = corridor_people(people.tracks)
@@ -95,7 +111,22 @@ def _read(
         f"{path.name}: {len(walking.tracks)} people, corridor of {corridor.width_m:g} m along "
         f"{'xy'[corridor.axis]}, {corridor.flow}"
     )
-    return corridor, measures
+    return walking.tracks, corridor, measures
+
+
+def _simulated_meetings() -> Iterator[Row]:
+    for model in model_names():
+        for robot in (False, True):
+            found = [
+                head_on(
+                    simulated_moments(model, density_pm2=density, robot=robot, seed=seed),
+                    ROBOT if robot else None,
+                )
+                for seed in MEETING_SEEDS
+                for density in MEETING_DENSITIES
+            ]
+            who = f"{model}, {'a robot' if robot else 'people'}"
+            yield meetings_row(who, np.concatenate(found))
 
 
 def _compared(recorded: list[_Recording]) -> Iterator[Row]:

@@ -17,8 +17,8 @@ _COINCIDENT_M = 1e-6
 _FEW = 60
 #: Margin (m) of the reach, which spares a search in most steps.
 _MARGIN_M = 0.5
-#: Pairs of a block, whose arrays have less than 128 kB: larger ones are mapped anew each time.
-_BLOCK = 12_000
+#: Pairs of a block: arrays of more, together, are returned to the system and mapped anew each time.
+_BLOCK = 6_000
 
 
 @dataclass(frozen=True, eq=False)

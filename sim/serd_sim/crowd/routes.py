@@ -9,7 +9,7 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_sim.errors import SimError
 
 _LOOK_AHEAD_M = 5.0
-_CORNER_REACHED_M = 0.6
+_CORNER_REACHED_M = 0.4
 
 
 def offset_loop(waypoints_m: FloatArray, offset_m: float) -> FloatArray:

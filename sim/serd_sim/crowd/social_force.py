@@ -83,7 +83,7 @@ class SocialForceModel(ABC):
     relaxation_time_s: in which a walker takes up the wanted velocity. maximum_speed_ratio: highest
     speed relative to the wanted one. body_radius_m: of a person. evasion_clearance_m: to a robot in
     their way that people walk around; None: they walk straight. people_reach_m: distance beyond
-    which people do not feel each other; at 4 m a push is below 0.001 m/s2.
+    which people do not feel each other, as a push is below 0.0001 m/s2.
     """
 
     relaxation_time_s: float = 0.5
@@ -149,26 +149,26 @@ class HelbingMolnar1995(SocialForceModel):
 class CollisionPrediction(SocialForceModel):
     """Repulsion from where others will be, so that oncoming people pass instead of stopping.
 
-    After Zanlungo, Ikeda & Kanda (Europhysics Letters 93, 2011): f_ij = A exp((r_i + r_j - d') / B)
-    n' w, with d' and n' at the time of closest approach, at most `foresight_s` ahead, and w the
-    weight lambda + (1 - lambda) (1 + cos phi) / 2, where phi is the angle between where i wants to
-    go and where j is; beside it C exp((2 c - d) / D) n, which keeps bodies apart. The radii of both
-    among people are smaller than a body, for people turn their shoulders. Past a robot, which does
-    not, r_i + r_j is the sum of the radii of the bodies and a clearance, and 2 c that sum. People
-    walk around a robot in their way (`robots.headings_around`); without that it pushes them back.
-    Calibrated on recorded corridors (docs/crowd.md).
+    After Zanlungo, Ikeda & Kanda (Europhysics Letters 93, 2011): f_ij = A exp((2 r - d') / B) n' w,
+    with d' and n' at the time of closest approach, at most `foresight_s` ahead, and w the weight
+    lambda + (1 - lambda) (1 + cos phi) / 2, where phi is the angle between where i wants to go and
+    where j is; beside it C exp((2 c - d) / D) n, which keeps bodies apart. Both radii are smaller
+    than a body, for people turn their shoulders. A robot does not: beside it 2 c is the sum of the
+    radii of both bodies. People walk around a robot in their way (`robots.headings_around`) as far
+    as they pass each other. Calibrated on recorded corridors (docs/crowd.md).
     """
 
-    evasion_clearance_m: float | None = 0.2
-    strength_mps2: float = 3.9
-    decay_m: float = 0.21
-    anisotropy: float = 0.3
-    foresight_s: float = 0.62
-    radius_m: float = 0.2
-    core_strength_mps2: float = 10.0
-    core_decay_m: float = 0.06
-    core_radius_m: float = 0.18
-    robot_clearance_m: float = 0.1
+    relaxation_time_s: float = 0.34
+    people_reach_m: float = 5.5
+    evasion_clearance_m: float | None = 0.1
+    strength_mps2: float = 2.5
+    decay_m: float = 0.52
+    anisotropy: float = 0.07
+    foresight_s: float = 0.77
+    radius_m: float = 0.05
+    core_strength_mps2: float = 21.0
+    core_decay_m: float = 0.027
+    core_radius_m: float = 0.08
     wall_strength_mps2: float = 4.0
     wall_decay_m: float = 0.2
 
@@ -185,14 +185,12 @@ class CollisionPrediction(SocialForceModel):
         closing_y *= time_s
         away_x, away_y = pairs.dx_m + closing_x, pairs.dy_m + closing_y
         distance = np.maximum(np.sqrt(away_x * away_x + away_y * away_y), _APART_M)
-        touch_m = self.body_radius_m + bodies.robot_radius_m
-        push = 2.0 * self.radius_m - distance
-        push[: pairs.n_robot] += touch_m + self.robot_clearance_m - 2.0 * self.radius_m
-        push /= self.decay_m
+        push = (2.0 * self.radius_m - distance) / self.decay_m
         np.exp(np.minimum(push, 3.0, out=push), out=push)
         push *= self.strength_mps2 / distance
         push *= _weight_by_direction(pairs, bodies, self.anisotropy)
         core = 2.0 * self.core_radius_m - pairs.distance_m
+        touch_m = self.body_radius_m + bodies.robot_radius_m
         core[: pairs.n_robot] += touch_m - 2.0 * self.core_radius_m
         core /= self.core_decay_m
         np.exp(np.minimum(core, 3.0, out=core), out=core)

@@ -77,23 +77,25 @@ def test_people_walk_alone_at_the_wanted_speed_and_among_others_at_most_1_3_time
 
 
 @pytest.mark.parametrize("robot_radius_m", [0.25, 0.4])
-def test_people_keep_their_whole_body_and_a_clearance_off_a_robot(robot_radius_m):
+def test_people_keep_their_whole_body_off_a_robot(robot_radius_m):
     """A robot one metre ahead at the same velocity comes no nearer: both repulsions as they are."""
     model = model_named("collision_prediction")
     crowd = crowd_at("collision_prediction", [[0.0, 0.0]], [[50.0, 0.0]])
     crowd.step(1e-6, RobotBody(1.0, 0.0, 1.34, 0.0, robot_radius_m))
     touch_m = model.body_radius_m + robot_radius_m
-    expected = model.strength_mps2 * np.exp((touch_m + 0.1 - 1.0) / model.decay_m)
+    expected = model.strength_mps2 * np.exp((2.0 * model.radius_m - 1.0) / model.decay_m)
     expected += model.core_strength_mps2 * np.exp((touch_m - 1.0) / model.core_decay_m)
     assert (1.34 - crowd.velocity_x_mps[0]) / 1e-6 == pytest.approx(expected, rel=1e-4)
 
 
 def test_people_are_pushed_away_from_where_the_other_one_will_be():
     """Who comes 0.2 m beside the own line is there within the foresight: the push is sideways."""
+    model = model_named("collision_prediction")
     crowd = crowd_at("collision_prediction", [[0.0, 0.0], [1.5, 0.2]], [[50.0, 0.0], [-50.0, 0.2]])
     crowd.step(1e-6)
     assert (crowd.velocity_x_mps[0] - 1.34) / 1e-6 == pytest.approx(0.0, abs=0.01)
-    assert crowd.velocity_y_mps[0] / 1e-6 < -5.0
+    expected = -model.strength_mps2 * np.exp((2.0 * model.radius_m - 0.2) / model.decay_m)
+    assert crowd.velocity_y_mps[0] / 1e-6 == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +103,7 @@ def test_people_are_pushed_away_from_where_the_other_one_will_be():
     [("collision_prediction", 0.0), ("collision_prediction", 12.0), ("helbing_molnar_1995", 0.0)],
 )
 def test_many_people_walk_as_if_all_were_paired(monkeypatch, model, period_m):
-    """What is left out beyond the reach of 4 m is below a tenth of a millimetre in a second."""
+    """What is left out beyond the reach is below a tenth of a millimetre in a second."""
     rng = np.random.default_rng(3)
     place, goal = rng.uniform(0, 12, (80, 2)), rng.uniform(20, 40, (80, 2))
     walks = []
