@@ -163,7 +163,12 @@ def _eliminated(
 ) -> FloatArray:
     """(n,) share that arrives, from the rates (n, n) within and (n,) out of n states."""
     n_states = len(to_goal)
-    band, width = _log_band(inner)
+    entries = scipy.sparse.coo_array(inner)
+    offset = entries.col.astype(np.int64) - entries.row
+    width = int(np.abs(offset).max(initial=0))
+    # [s, s' - s + width]: the logarithms in the band
+    band = np.full((n_states, 2 * width + 1), -np.inf)
+    band[entries.row, offset + width] = np.log(entries.data)
     with np.errstate(divide="ignore"):
         goal, lost = np.log(to_goal), np.log(to_lost)
     for k in range(n_states):
@@ -190,16 +195,6 @@ def _substituted(band: FloatArray, width: int, goal: FloatArray) -> FloatArray:
         share[k] += np.exp(_block(band, width, k, last)[0, 1:]) @ share[k + 1 : last + 1]
     np.minimum(share, 1.0, out=share)
     return share
-
-
-def _log_band(inner: scipy.sparse.csr_array) -> tuple[FloatArray, int]:
-    """(n, 2 w + 1) logarithms [s, s' - s + w] of a matrix of half bandwidth w, and w."""
-    entries = scipy.sparse.coo_array(inner)
-    offset = entries.col.astype(np.int64) - entries.row
-    width = int(np.abs(offset).max(initial=0))
-    band = np.full((entries.shape[0], 2 * width + 1), -np.inf)
-    band[entries.row, offset + width] = np.log(entries.data)
-    return band, width
 
 
 def _block(band: FloatArray, width: int, first: int, last: int) -> FloatArray:
@@ -340,10 +335,10 @@ class _Equations:
         size, row, column = len(self._moving), number[chain.state], number[chain.successor]
         self._arriving = np.flatnonzero((row >= 0) & (column < 0))
         self._onward = np.flatnonzero((row >= 0) & (column >= 0))
-        self._row = row[self._arriving]
         diagonal = np.arange(size) * (size + 1)
         keys = np.concatenate([diagonal, column[self._onward] * size + row[self._onward]])
-        distinct, self._place = np.unique(keys, return_inverse=True)
+        distinct, place = np.unique(keys, return_inverse=True)
+        self._sums = _sums_by(place, len(distinct)), _sums_by(row[self._arriving], size)
         starts = np.searchsorted(distinct, np.arange(size + 1) * size)
         self._matrix = scipy.sparse.csc_array(
             (np.ones(len(distinct), np.complex128), distinct % max(size, 1), starts),
@@ -356,8 +351,8 @@ class _Equations:
         found = np.ones(len(self._chain.goal), dtype=np.complex128)
         if size := len(self._moving):
             entries = np.concatenate([np.ones(size), -weights[self._onward]])
-            self._matrix.data = _complex_counts(self._place, entries, len(self._matrix.data))
-            arriving = _complex_counts(self._row, weights[self._arriving], size)
+            self._matrix.data = self._sums[0] @ entries
+            arriving = self._sums[1] @ weights[self._arriving]
             found[self._moving] = splu(self._matrix, **_AS_ORDERED).solve(arriving)
         return found
 
@@ -372,9 +367,7 @@ def _in_order_of_elimination(chain: RenewalChain) -> IntArray:
     return moving[np.argsort(factor.perm_c)]
 
 
-def _complex_counts(index: IntArray, weights: ComplexArray, size: int) -> ComplexArray:
-    """(size,) sums of complex weights by index."""
-    found = np.empty(size, dtype=np.complex128)
-    found.real = np.bincount(index, weights.real, minlength=size)
-    found.imag = np.bincount(index, weights.imag, minlength=size)
-    return found
+def _sums_by(index: IntArray, size: int) -> scipy.sparse.csr_array:
+    """(size, n) matrix that sums (n,) numbers by their index."""
+    places = index.reshape(-1), np.arange(index.size)
+    return scipy.sparse.csr_array((np.ones(index.size), places), shape=(size, index.size))

@@ -100,7 +100,10 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
     problem, at = found.problem, space.parameters(found.mode)
     models, group = learned_outcomes(found)
     pseudo_count = pseudo_count_of(posterior.prior, group)
-    n_decisions = _observations(posterior, models)
+    seen = posterior.observations
+    state, action = np.divmod(seen.key // models.n_states, models.n_actions)
+    of_model = models.model_of[state, action]
+    n_decisions = weighted_counts(of_model, seen.group_count, models.n_models)
     counted, precision = _counted(posterior, models, pseudo_count)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
@@ -164,13 +167,6 @@ def _counted(
     blocks = bend.reshape(shape)[own, :, own, :]
     basis = _contrasts(models)
     return energies, basis @ blocks @ basis.T
-
-
-def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
-    """(M,) transitions that were observed of each outcome model."""
-    seen = posterior.observations
-    state, action = np.divmod(seen.key // models.n_states, models.n_actions)
-    return weighted_counts(models.model_of[state, action], seen.group_count, models.n_models)
 
 
 def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:
@@ -266,13 +262,8 @@ def _of_choices(
 ) -> FloatArray:
     """(S, d, d) covariance of the derivatives of Q over the actions of a state."""
     mdp, policy = problem.mdp, solution.policy
-    by_q = sensitivities(
-        mdp,
-        problem.features,
-        believed,
-        solution,
-        mdp.transitions.local_jacobian(at.belief),
-    ).by_q
+    by_local = mdp.transitions.local_jacobian(at.belief)
+    by_q = sensitivities(mdp, problem.features, believed, solution, by_local).by_q
     by_u = by_q @ table[: by_q.shape[2]]
     mean = np.einsum("sa,sau->su", policy, by_u)
     root = np.sqrt(policy)[:, :, None] * (by_u - mean[:, None, :])

@@ -103,7 +103,7 @@ class Laplace:
         table, drawn = self.coordinates.table, self.mode + _mirrored(n, half) @ self.root.T
         free = drawn @ table.T
         for block in _dirichlet_blocks(self.posterior, self.coordinates, self.mode, self.root):
-            worth, shape = _worth(block.table, block.spread), block.table.shape
+            worth, shape = block.worth, block.table.shape
             moved = (drawn - self.mode) @ table[block.place].T
             energies = block.beta * moved.reshape(n, *shape)
             total = _mirrored(n, rng.standard_normal(((n + 1) // 2, shape[0], 1)))
@@ -168,7 +168,7 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
     prior, belief = assumed.whole_prior, assumed.belief
     space = coordinates(problem, belief, fit.parameters)
     require_densities(prior, space, timed=has_laws(problem.mdp.transitions))
-    observations = observe(problem.mdp, decisions)
+    observations = observe(problem, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, prior)
     return LogPosterior(posterior, space)
 
@@ -177,9 +177,8 @@ def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: F
     """What the approximation lacks of the integrals over outcome models."""
     total = 0.0
     for block in _dirichlet_blocks(posterior, space, mode, root):
-        worth = _worth(block.table, block.spread)
-        by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
-        total += float(np.sum(by_model))
+        by_outcome = _stirling(block.worth[:, None] * block.table)
+        total += float(np.sum(by_outcome.sum(axis=1) - _stirling(block.worth)))
     return total
 
 
@@ -191,13 +190,13 @@ def _mirrored(n: int, half: FloatArray) -> FloatArray:
 class _DirichletBlock:
     """Outcome models whose posterior is taken as close to Dirichlet distributions.
 
-    place: their rows of the free numbers; table: (M, K) at the mode; spread:
-    (M, K, d) root of the covariance of their log odds; beta: scale of the energies.
+    place: their rows of the free numbers; table: (M, K) at the mode; worth: (M,) observations N
+    that the covariances of their log odds are worth; beta: scale of the energies.
     """
 
     place: slice
     table: FloatArray
-    spread: FloatArray
+    worth: FloatArray
     beta: float
 
 
@@ -215,13 +214,9 @@ def _dirichlet_blocks(
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
         table = model.local_probabilities(parameters.block(group[0]))
-        yield _DirichletBlock(place, table, spread, model.beta)
-
-
-def _worth(table: FloatArray, spread: FloatArray) -> FloatArray:
-    """(M,) observations N that the covariances are worth."""
-    centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
-    return np.asarray((table.shape[1] - 1) / np.einsum("mk,mkd->m", table, centred**2))
+        centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
+        worth = (model.n_outcomes - 1) / np.einsum("mk,mkd->m", table, centred**2)
+        yield _DirichletBlock(place, table, worth, model.beta)
 
 
 def _stirling(x: FloatArray) -> FloatArray:

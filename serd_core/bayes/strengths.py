@@ -1,24 +1,32 @@
-"""How strong priors are, found from the data: the maximum of Laplace's evidence.
+"""MDCE SERD with the prior whose strengths the evidence chooses: the default of `fit_mdce_serd`.
 
     w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c)
 
 sigma and c maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay
-1992), without which few decisions would drive strengths to infinity.
+1992), without which few decisions would drive strengths to infinity. The fit starts without chance:
+reward weights from zero under the dynamics of the start, then both at once. From then on every
+change of the prior starts at the last maximum.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.optimize
 
 from serd_core.arrays import FloatArray, require_positive
+from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
+from serd_core.ascent.trust_region import SHORT, NewtonAscent
+from serd_core.bayes.laplace import laplace_at
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
-from serd_core.posterior.beliefs import Belief, CoupledBelief
-from serd_core.posterior.coordinates import feature_ranges
-from serd_core.posterior.parameters import Block
+from serd_core.posterior.beliefs import Belief, CoupledBelief, FixedBelief, TiedBelief
+from serd_core.posterior.coordinates import Coordinates, LogPosterior, coordinates, feature_ranges
+from serd_core.posterior.parameters import Block, Parameters
+from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import DirichletPrior
 from serd_core.priors.prior import GaussianPrior, Prior, terms_of
 from serd_core.semi_markov.dwell_likelihood import DwellPrior
+from serd_core.semi_markov.models import has_laws
 
 #: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
 #: the range of a feature, c in observations, that of log mean dwell times in nats.
@@ -128,3 +136,242 @@ def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
         elif isinstance(term, DwellPrior):
             found["dwell_deviation"] = term.deviation
     return found
+
+
+#: Width of differences by logs of strengths; slope of the log evidence at its maximum.
+WIDTH, LEVEL = 0.002, 0.05
+#: Unit of the logs in the search, about the inverse root of the curvature of the evidence.
+SCALE = 0.3
+#: Distance from the maximum, in standard errors, that changes the log evidence by 5e-7.
+CLOSE = 1e-3
+MAX_NEWTON_STEPS = 200
+#: Slope at which strengths are still good enough, steps to find them, tolerance at a kink.
+COARSE, MAX_STEPS, AT_A_KINK = 0.2, 40, 0.01
+#: Strengths stay within so many spreads of their hyperprior's median.
+FARTHEST = 4.0
+
+
+@dataclass(eq=False)
+class SearchRecord:
+    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`, with J per decision.
+
+    value: (S,) where the next Bellman solve starts.
+    """
+
+    on_step: StepCallback | None
+    trace: list[float] = field(default_factory=list)
+    n_evaluations: int = 0
+    stopped: bool = False
+    value: FloatArray | None = None
+
+
+@dataclass(eq=False)
+class EvidenceSearch:
+    """Maxima of the posterior under priors of changing strength, each started at the last.
+
+    posterior: with any prior; start: parameters to begin with; information: (d, d) minus the
+    Hessian of the log likelihood at the last maximum.
+    """
+
+    posterior: Posterior
+    belief: Belief
+    start: Parameters
+    record: SearchRecord
+    space: Coordinates = field(init=False)
+    mode: FloatArray = field(init=False)
+    information: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        self.space = coordinates(self.posterior.problem, self.belief, self.start)
+        self.mode = self.space.of(self.start)
+
+    @property
+    def parameters(self) -> Parameters:
+        """Where the last ascent ended."""
+        return self.space.parameters(self.mode)
+
+    def objective(self, prior: Prior) -> LogPosterior:
+        """The log posterior under a prior."""
+        posterior = replace(self.posterior, prior=prior)
+        return LogPosterior(posterior, self.space, self.record.value)
+
+    def maximise(self, objective: LogPosterior, short: float = SHORT) -> AscentResult:
+        """Its maximum, from the last one; no step where a callback has stopped the fit."""
+        near = self.information
+        if near is not None:
+            near = near + objective.prior_information(self.mode)
+        ascent = NewtonAscent(short, max_steps=0 if self.record.stopped else MAX_NEWTON_STEPS)
+        found = ascent.maximise(objective, self.mode, self._after_step, near)
+        self.record.n_evaluations += found.n_evaluations
+        self.record.value = objective.last_value
+        self.mode = found.vector
+        if found.converged:
+            of_prior = objective.prior_information(self.mode)
+            self.information = -objective.hessian(self.mode) - of_prior
+        if self.record.stopped:
+            return replace(found, converged=False, message=STOPPED)
+        return found
+
+    def _after_step(self, step: Step) -> bool:
+        """Count the step; whether to stop there."""
+        record, mean = self.record, step.objective / self.posterior.observations.n_decisions
+        record.trace.append(step.objective)
+        if record.on_step is not None:
+            vector, number = self.space.table @ step.vector, len(record.trace)
+            called = replace(step, number=number, vector=vector, objective=mean)
+            record.stopped = bool(record.on_step(called))
+        return record.stopped
+
+
+@dataclass(eq=False)
+class EvidenceOfStrengths:
+    """Log evidence and log hyperprior as a function of (h,) logs of strengths.
+
+    The maximum u* of the posterior moves by du*/dlog = M^-1 d2J / du dlog. So the slope of the
+    evidence takes one more Hessian per strength, and no search.
+    """
+
+    search: EvidenceSearch
+    strengths: Strengths
+    last: tuple[FloatArray, FloatArray] | None = None
+
+    def loss(self, logs: FloatArray) -> tuple[float, FloatArray]:
+        """Minus the sum, and its (h,) gradient."""
+        search, strengths = self.search, self.strengths
+        if self.last is not None:
+            before, moves = self.last
+            search.mode = search.mode + (logs - before) @ moves
+        problem = search.posterior.problem
+        objective = search.objective(strengths.prior(problem, logs))
+        ended = search.maximise(objective, CLOSE)
+        if not ended.converged:
+            raise SerdError(ended.message)
+        here = laplace_at(objective, search.mode)
+        pull = self._prior_pull(objective, here.mode)
+        slope, moves = np.zeros(len(logs)), np.zeros((len(logs), len(here.mode)))
+        for number, unit in enumerate(np.eye(len(logs)) * WIDTH):
+            side = search.objective(strengths.prior(problem, logs + unit))
+            move = here.root @ (here.root.T @ (self._prior_pull(side, here.mode) - pull))
+            beside = self._evidence_near(side, here.mode, move)
+            slope[number] = (beside - here.log_evidence) / WIDTH
+            moves[number] = move / WIDTH
+        self.last = (logs.copy(), moves)
+        value, hyper_slope = strengths.log_density(logs)
+        return -here.log_evidence - value, -slope - hyper_slope
+
+    def _evidence_near(self, side: LogPosterior, mode: FloatArray, move: FloatArray) -> float:
+        """Log evidence where the tangent leads; where that is no maximum, after a search."""
+        try:
+            return laplace_at(side, mode + move, require_maximum=False).log_evidence
+        except SerdError:
+            self.search.mode = mode
+            self.search.maximise(side)
+            found = laplace_at(side, self.search.mode, require_maximum=False)
+            self.search.mode = mode
+            return found.log_evidence
+
+    def _prior_pull(self, objective: LogPosterior, mode: FloatArray) -> FloatArray:
+        """(d,) gradient of the prior alone."""
+        space, posterior = objective.coordinates, objective.posterior
+        at = space.parameters(mode)
+        gradient = posterior.prior.evaluate(posterior.problem.mdp.transitions, at).gradient
+        return np.asarray(space.table.T @ space.belief.pull_back(gradient, at))
+
+
+def fit_by_evidence(
+    posterior: Posterior,
+    belief: Belief,
+    by_evidence: PriorByEvidence,
+    start: Parameters,
+    on_step: StepCallback | None = None,
+    *,
+    staged: bool,
+) -> tuple[LogPosterior, Parameters, AscentResult]:
+    """The posterior under the strengths of highest evidence, its maximum, and the way to there.
+
+    posterior: with any prior; start: parameters to begin with. staged: whether to look for the
+    reward weights first, under the dynamics of the start, and for equal belief and truth before
+    they part. Steps and evaluations are those of all ascents, each step under the prior it had.
+    Where no maximum is found, or on_step stops, the last point did not converge.
+    """
+    if len(start.policy):
+        raise SerdError(
+            "evidence is that of MdcePolicy, got a policy model with a temperature, whose posterior"
+            " has kinks; use fit_mdce_serd, or give a prior that is not PriorByEvidence"
+        )
+    record = SearchRecord(on_step)
+    search = EvidenceSearch(posterior, belief, start, record)
+    timed = has_laws(posterior.problem.mdp.transitions)
+    strengths = by_evidence.strengths(belief, timed=timed)
+    logs = strengths.start
+    for stage in _stages(belief) if staged else ():
+        earlier = EvidenceSearch(posterior, stage, search.parameters, record)
+        prepared = by_evidence.strengths(stage, timed=timed)
+        if stage.learns_dynamics:
+            found = best_strengths(earlier, prepared, prepared.start)[0]
+            logs = strengths.logs(prepared.values(found))
+        else:
+            earlier.maximise(earlier.objective(prepared.prior(posterior.problem, prepared.start)))
+        search.mode = search.space.of(earlier.parameters)
+    logs, failure = best_strengths(search, strengths, logs)
+    objective = search.objective(strengths.prior(posterior.problem, logs))
+    ascended = search.maximise(objective)
+    if failure:
+        ascended = replace(ascended, converged=False, message=failure)
+    counted = replace(
+        ascended,
+        objective_trace=np.array(search.record.trace),
+        n_steps=len(search.record.trace),
+        n_evaluations=search.record.n_evaluations,
+    )
+    return objective, search.parameters, counted
+
+
+def _stages(belief: Belief) -> tuple[Belief, ...]:
+    """Beliefs to fit before this one, as a start: each has more that is free."""
+    if not belief.learns_dynamics:
+        return ()
+    tied = TiedBelief()
+    return (FixedBelief(),) if belief == tied else (FixedBelief(), tied)
+
+
+def best_strengths(
+    search: EvidenceSearch, strengths: Strengths, start: FloatArray
+) -> tuple[FloatArray, str]:
+    """(h,) logs of the strengths of highest evidence, and why they are not, where they are not."""
+    if not strengths.open:
+        return start, ""
+    evidence = EvidenceOfStrengths(search, strengths)
+    middle, reach, failure = strengths.start, FARTHEST * strengths.spreads, ""
+    bounds = np.stack([middle - reach, middle + reach], axis=1)
+
+    def scaled(logs: FloatArray) -> tuple[float, FloatArray]:
+        value, slope = evidence.loss(logs * SCALE)
+        return value, slope * SCALE
+
+    try:
+        found = scipy.optimize.minimize(
+            scaled,
+            start / SCALE,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds / SCALE,
+            options={"gtol": LEVEL * SCALE, "ftol": 0.0, "maxiter": MAX_STEPS},
+        )
+        found.x = found.x * SCALE
+        inside = np.abs(found.x - middle) < reach
+        if np.any(np.abs(found.jac)[inside] > COARSE * SCALE):
+            # Where one maximum gives way to another the evidence has a kink.
+            found = scipy.optimize.minimize(
+                lambda logs: evidence.loss(logs)[0],
+                found.x,
+                method="Nelder-Mead",
+                bounds=bounds,
+                options={"xatol": AT_A_KINK, "fatol": AT_A_KINK, "maxiter": MAX_STEPS},
+            )
+            if not found.success:
+                failure = "not converged: out of steps for the strengths of the prior"
+    except SerdError as error:
+        last = start if evidence.last is None else evidence.last[0]
+        return last, str(error)
+    return np.asarray(found.x), failure

@@ -6,7 +6,7 @@ time is known, only that the dwell time is longer than what was seen of it (righ
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -69,9 +69,10 @@ class Decisions:
     def __len__(self) -> int:
         return len(self.state)
 
-    def columns(self) -> dict[str, FloatArray | IntArray]:
+    def columns(self) -> dict[str, Any]:
         """The columns by name, as `pandas.DataFrame` takes them."""
-        return {name: getattr(self, name) for name in COLUMNS}
+        names = (field.name for field in fields(self) if field.name != "source")
+        return {name: getattr(self, name) for name in names}
 
     @property
     def hidden(self) -> BoolArray:
@@ -91,8 +92,7 @@ class Decisions:
     def select(self: _Own, rows: BoolArray | IntArray) -> _Own:
         """The decisions of the given rows (mask (N,) or indices), in that order."""
         chosen = chosen_indices("rows", rows, len(self), "a row")
-        columns: dict[str, Any] = {name: each[chosen] for name, each in self.columns().items()}
-        return replace(self, **columns)
+        return replace(self, **{name: each[chosen] for name, each in self.columns().items()})
 
     def select_episodes(self: _Own, episodes: Iterable[int]) -> _Own:
         """All decisions of the given episode numbers; SerdError for one that is not there."""
@@ -222,10 +222,6 @@ class TimedDecisions(Decisions):
         require_each("next_state", self.next_state, ~moved, "be the state where censored", fix)
         object.__setattr__(self, "dwell_s", dwell)
         object.__setattr__(self, "censored", censored)
-
-    def columns(self) -> dict[str, Any]:
-        """The columns by name."""
-        return {**super().columns(), "dwell_s": self.dwell_s, "censored": self.censored}
 
 
 def reached(decisions: Decisions) -> BoolArray:

@@ -136,24 +136,18 @@ class OutcomeModels(TransitionModel):
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(M*K, N) derivative of the probabilities by the energies (5.2)."""
-        slope = self._by_model(self._slope(self.local_probabilities(parameters)))
-        return padded(slope, (self.n_energies, self.n_parameters))
+        p = self.local_probabilities(parameters)
+        slope = self.beta * p[:, :, None] * (np.eye(self.n_outcomes) - p[:, None, :])
+        return padded(self._by_model(slope), (self.n_energies, self.n_parameters))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(N, N) second derivatives of local_gradient . probabilities by the energies."""
-        bend = self._by_model(self._bend(self.local_probabilities(parameters), local_gradient))
-        return padded(bend, (self.n_parameters, self.n_parameters))
-
-    def _slope(self, p: FloatArray) -> FloatArray:
-        """(M, K, K) derivative of the probabilities of a model by its energies."""
-        return np.asarray(self.beta * p[:, :, None] * (np.eye(self.n_outcomes) - p[:, None, :]))
-
-    def _bend(self, p: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(M, K, K) second derivatives of local_gradient . probabilities by the same."""
+        p = self.local_probabilities(parameters)
         pull = p * (local_gradient - np.sum(p * local_gradient, axis=1, keepdims=True))
         mixed = p[:, :, None] * pull[:, None, :]
         own = np.eye(self.n_outcomes) * pull[:, :, None]
-        return np.asarray(self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1)))
+        bend = self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1))
+        return padded(self._by_model(bend), (self.n_parameters, self.n_parameters))
 
     def _by_model(self, blocks: FloatArray) -> FloatArray:
         """(M*K, M*K) matrix of (M, K, K) blocks on its diagonal."""
@@ -202,23 +196,15 @@ class OutcomeModels(TransitionModel):
         return padded(np.asarray((scaled - mean) / self.beta).ravel(), (self.n_parameters,))
 
     def known_probabilities(self, known: FloatArray) -> FloatArray:
-        """The (M, K) table itself, checked."""
-        table = np.asarray(known, dtype=np.float64)
-        self.require_distributions(table)
-        return table
-
-    def require_distributions(self, table: FloatArray) -> None:
-        """SerdError naming the first local model whose row of an (M, K) table is no distribution.
-
-        Rows are checked even where no state uses the model.
-        """
+        """The (M, K) table itself; SerdError where a row, of a model in use or not, is wrong."""
+        name, table = "outcome probabilities", np.asarray(known, dtype=np.float64)
         self._require_table(table)
-        name, given = "outcome probabilities", np.asarray(table)
-        possible = np.isfinite(given) & (given >= 0)
-        require_each(name, given, possible, "be finite and not negative", "repair that row")
-        sums = np.sum(given, axis=1)
+        possible = np.isfinite(table) & (table >= 0)
+        require_each(name, table, possible, "be finite and not negative", "repair that row")
+        sums = np.sum(table, axis=1)
         is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE
         require_each(name, sums, is_one, "sum to 1", "normalise that row")
+        return table
 
     def _require_table(self, table: FloatArray) -> None:
         if np.shape(table) != self.local_shape:
@@ -268,10 +254,6 @@ class SparseModel(TransitionModel):
         return np.asarray(self.state * self.n_pairs[1] + self.action)
 
     @property
-    def n_parameters(self) -> int:
-        return 0
-
-    @property
     def local_shape(self) -> tuple[int, ...]:
         return self.state.shape
 
@@ -294,26 +276,10 @@ class SparseModel(TransitionModel):
     def successor(self) -> IntArray:
         return np.asarray(self.next_state[self.local_index])
 
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        return ()
-
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) probabilities, in the order given."""
         del parameters
         return self.known
-
-    def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        del parameters, local_gradient
-        return np.zeros(0)
-
-    def local_jacobian(self, parameters: FloatArray) -> FloatArray:
-        del parameters
-        return np.zeros((len(self.state), 0))
-
-    def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        del parameters, local_gradient
-        return np.zeros((0, 0))
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(0,) none; SerdError where some are given."""

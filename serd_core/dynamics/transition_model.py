@@ -67,7 +67,7 @@ def places_of(wanted: IntArray, keys: IntArray) -> IntArray:
 
 
 class TransitionModel(ABC):
-    """Sparse P(s' | s, a) as a smooth function of a parameter vector.
+    """Sparse P(s' | s, a) as a smooth function of a parameter vector, empty unless overridden.
 
     available: (S, A) which actions exist in which states; other rows have no entries.
     """
@@ -90,17 +90,18 @@ class TransitionModel(ABC):
         """(E,) next state of each entry."""
 
     @property
-    @abstractmethod
     def n_parameters(self) -> int:
         """Length of the parameter vector."""
+        return 0
 
     @abstractmethod
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """The model's local probabilities at `parameters` (n_parameters,)."""
 
-    @abstractmethod
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) vector-Jacobian product of `local_probabilities`."""
+        del parameters, local_gradient
+        return np.zeros(0)
 
     @property
     @abstractmethod
@@ -153,22 +154,24 @@ class TransitionModel(ABC):
         """(E,) which of the flattened local probabilities each entry is."""
 
     @property
-    @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
         """(n_parameters,) one name per parameter, for reports."""
+        return ()
 
     @property
     def gauge(self) -> FloatArray:
         """(g, n_parameters) directions in which parameters move without changing P; none here."""
         return np.zeros((0, self.n_parameters))
 
-    @abstractmethod
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(L, n_parameters) derivative of the flattened local probabilities."""
+        del parameters
+        return np.zeros((int(np.prod(self.local_shape)), 0))
 
-    @abstractmethod
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n, n) second derivatives of local_gradient . local_probabilities."""
+        del parameters, local_gradient
+        return np.zeros((0, 0))
 
     @property
     def n_states(self) -> int:

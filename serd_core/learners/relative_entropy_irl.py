@@ -88,7 +88,7 @@ def fit_relative_entropy_irl(
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
     given = float_array("thresholds", thresholds, (len(problem.feature_names),))
     require_each("thresholds", given, given >= 0, "not be negative", "use 0 for exact matching")
-    observe(problem.mdp, samples, name="samples")
+    observe(problem, samples, name="samples")
     scale = search.scale
     dual = SampledDual(
         wanted=scale * feature_counts(problem, decisions).mean(axis=0),

@@ -15,7 +15,7 @@ from serd_core.arrays import FloatArray, float_array, shown
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe_in
+from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.learners.certificate import judged_weights
 from serd_core.learners.start import (
@@ -121,7 +121,7 @@ def _log_likelihood(
             f"dynamics must be given for a model with {model.n_parameters} parameters, got None;"
             " pass estimate_dynamics(problem, decisions) or the truth"
         )
-    observations = observe_in(problem, decisions)
+    observations = observe(problem, decisions)
     known = dynamics_or_estimate(problem, decisions, dynamics)
     if decisions.hidden.any():
         raise SerdError(

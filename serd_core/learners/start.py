@@ -21,7 +21,7 @@ from serd_core.ascent.ascent import (
 )
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import Observations, observe_in
+from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
@@ -188,7 +188,7 @@ def reward_search(
 ) -> RewardSearch:
     """Prepare a search from the arguments that all these learners take."""
     require_shown(decisions, "learners of rewards by features or choices")
-    observations = observe_in(problem, decisions)
+    observations = observe(problem, decisions)
     known = dynamics_or_estimate(problem, decisions, dynamics)
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     return RewardSearch(

@@ -96,12 +96,6 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def rewards(problem: Problem, reward_weights: FloatArray) -> FloatArray:
-    """(S, A) rewards theta_R . f(s, a) for (F,) weights."""
-    weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
-    return np.asarray(problem.features @ weights)
-
-
 def from_transitions(
     transitions: Any,
     features: Any,

@@ -27,7 +27,7 @@ from serd_core.bellman.bellman_solver import (
     boltzmann,
 )
 from serd_core.dynamics.transition_model import Transitions, transitions_of
-from serd_core.mdp.problem import Problem, require_problem, rewards
+from serd_core.mdp.problem import Problem, require_problem
 
 NEWTON, SOFT = Newton(), SoftBellman()
 #: Differences of values of one state that count as none, of the best and of the largest of all.
@@ -108,7 +108,7 @@ def _solved(
     equation: BellmanEquation,
 ) -> BellmanSolution:
     require_problem(problem)
-    weights = float_array("reward_weights", weights, (len(problem.feature_names),))
+    float_array("reward_weights", weights, (len(problem.feature_names),))
     transitions = transitions_of(problem.mdp.transitions, outcome_probabilities)
     return solution_at(problem, weights, transitions, equation)
 
@@ -121,8 +121,9 @@ def solution_at(
     initial_value: FloatArray | None = None,
 ) -> BellmanSolution:
     """The Bellman equation for (F,) weights and given transitions, from a value (S,) or zero."""
+    weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
     with np.errstate(over="ignore", invalid="ignore"):  # BellmanProblem rejects what overflows
-        reward = rewards(problem, reward_weights)
+        reward = problem.features @ weights
     return NEWTON.solve(BellmanProblem(equation, reward, transitions, problem.mdp), initial_value)
 
 
@@ -161,17 +162,10 @@ class PolicyModel:
         del policy_parameters
         return np.zeros((*q.shape, 0))
 
-    def parameter_gradient(
-        self, policy_parameters: FloatArray, q: FloatArray, log_policy_gradient: FloatArray
-    ) -> FloatArray:
-        """Gradient by theta_P of sum_sa w(s,a) log pi(a|s) for w = `log_policy_gradient`."""
-        scores = self.parameter_scores(policy_parameters, q)
-        return np.tensordot(log_policy_gradient, scores, axes=2)
-
     def parameter_curvature(
         self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
     ) -> tuple[FloatArray, float]:
-        """(S, A) derivative of `parameter_gradient` by Q, and its derivative by theta_P."""
+        """(S, A) derivative of sum n(s,a) `parameter_scores` by Q, and its one by theta_P."""
         del policy_parameters, q
         return np.zeros_like(counts), 0.0
 

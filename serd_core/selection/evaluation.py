@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 
 from serd_core.arrays import FloatArray, first_index, float_array, number_array, require_index
 from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
-from serd_core.demonstrations.observations import explaining_transitions, observe_in
+from serd_core.demonstrations.observations import explaining_transitions, observe
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
@@ -25,7 +25,7 @@ from serd_core.semi_markov.models import SemiMarkovModels
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
     """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0."""
     require_shown(decisions, "the likelihood of a policy alone")
-    counts = observe_in(problem, decisions).state_action
+    counts = observe(problem, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
     seen = counts > 0
     if np.any(chosen[seen] <= 0):

@@ -97,7 +97,7 @@ def fit_information(
     require_fit(fit)
     assumed = fit.assumed
     _require_fitting(problem, fit)
-    observations = observe(problem.mdp, decisions)
+    observations = observe(problem, decisions)
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)
@@ -182,6 +182,8 @@ def _require_fitting(problem: Problem, fit: FitResult) -> None:
 NULL_SHARE = 1e-9
 #: Eigenvalues below minus this share of the largest are negative beyond rounding.
 NEGATIVE_SHARE = 1e-6
+#: Share of the largest part of a null direction below which others are not named.
+SMALL_PART = 0.1
 
 # Share of the squared size of what was subtracted below which information is rounding.
 _ROUNDING = 1e-13
@@ -206,11 +208,6 @@ class Spectrum:
         """(m,) directions without information."""
         largest = max(float(self.values[-1]), np.finfo(np.float64).tiny)
         return np.asarray(self.values <= NULL_SHARE * largest)
-
-    @property
-    def indefinite(self) -> bool:
-        """Whether an eigenvalue is negative beyond rounding."""
-        return bool(self.values[0] < -NEGATIVE_SHARE * abs(self.values[-1]))
 
     @property
     def covariance(self) -> FloatArray:
@@ -279,23 +276,13 @@ def identifiability(information: Information) -> Identifiability:
         print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
     """
     require_information(information)
-    found = spectrum(information, information.outer_product)
-    directions = zip(found.values[found.null], found.loadings[found.null], strict=True)
-    null = [
-        NullDirection(float(value), _loadings(information.names, loadings))
-        for value, loadings in directions
-    ]
+    found, null = spectrum(information, information.outer_product), []
+    for value, parts in zip(found.values[found.null], found.loadings[found.null], strict=True):
+        order = np.argsort(-np.abs(parts), kind="stable")
+        large = order[np.abs(parts[order]) >= SMALL_PART * np.abs(parts).max()]
+        loadings = tuple((information.names[i], float(parts[i])) for i in large)
+        null.append(NullDirection(float(value), loadings))
     return Identifiability(eigenvalues=found.values, null=tuple(null))
-
-
-def _loadings(
-    names: tuple[str, ...], direction: FloatArray, share: float = 0.1
-) -> tuple[tuple[str, float], ...]:
-    order = np.argsort(-np.abs(direction), kind="stable")
-    largest = abs(direction[order[0]])
-    return tuple(
-        (names[i], float(direction[i])) for i in order if abs(direction[i]) >= share * largest
-    )
 
 
 #: Part of a null direction below which a parameter counts as not moved by it.
@@ -329,7 +316,7 @@ def standard_errors(
     require_information(information)
     matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix)
-    if found.indefinite:
+    if found.values[0] < -NEGATIVE_SHARE * abs(found.values[-1]):
         raise SerdError(
             "the information matrix must not have negative eigenvalues, got"
             f" {found.values[0]}: the fit is no maximum; continue it until it has converged"

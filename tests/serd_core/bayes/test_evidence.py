@@ -176,7 +176,7 @@ def test_a_direction_that_bends_up_is_named_and_points_on_the_way_are_rejected(
 ):
     """Between the two explanations of section 4.6.1 the posterior has a saddle."""
     decisions = apart(0, 0, [0, 1, 1] * 10)
-    observations = observe(minimum_example.mdp, decisions)
+    observations = observe(minimum_example, decisions)
     posterior = Posterior(minimum_example, observations, MdcePolicy(), PROPER)
     start = sc.fit_mdce_serd(minimum_example, decisions, prior=BY_EVIDENCE).parameters
     space = coordinates(minimum_example, sc.TiedBelief(), start)

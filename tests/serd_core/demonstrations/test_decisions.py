@@ -77,7 +77,7 @@ def test_what_is_no_decision_and_not_there_is_refused(call, sentence):
 
 def test_counts_are_of_the_decisions_that_the_problem_explains(minimum_example):
     """Learners refuse the others; in state 2 both outcomes stay: two entries of one transition."""
-    observed = observe(minimum_example.mdp, apart([0, 0, 0, 1], [0, 0, 1, 2], [1, 1, 0, 1]))
+    observed = observe(minimum_example, apart([0, 0, 0, 1], [0, 0, 1, 2], [1, 1, 0, 1]))
     assert observed.n_decisions == 4
     np.testing.assert_array_equal(observed.state_action, [[2, 1, 0], [0, 0, 1]])
     assert sorted(observed.group_count) == [1, 1, 2]
@@ -90,4 +90,4 @@ def test_counts_are_of_the_decisions_that_the_problem_explains(minimum_example):
 def test_two_decisions_of_one_episode_and_time_are_rejected(gridworld):
     twice = gridworld.decisions.select([*range(10), 3])
     with pytest.raises(SerdError, match=r"got decisions\[3\] and decisions\[10\] both in episode"):
-        observe(gridworld.problem.mdp, twice)
+        observe(gridworld.problem, twice)

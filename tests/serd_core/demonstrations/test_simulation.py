@@ -25,7 +25,7 @@ def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_
     decisions = gridworld.decisions
     same = decisions.episode[1:] == decisions.episode[:-1]
     assert np.all(decisions.next_state[:-1][same] == decisions.state[1:][same])
-    observe(gridworld.problem.mdp, decisions)
+    observe(gridworld.problem, decisions)
     policy = np.array([[1.0, 0, 0], [0, 0, 1.0]])
     ended = sampled(minimum_example, policy, np.full((2, 2), 0.5), 50, 100)
     assert np.all(ended.state == 0)

@@ -23,20 +23,20 @@ def timed_decisions(**change):
 
 def test_censored_decisions_count_as_choices_and_not_as_moves():
     timed, _ = timed_ring()
-    seen = observe(timed.mdp, timed_decisions())
+    seen = observe(timed, timed_decisions())
     assert seen.n_decisions == 3
     assert seen.state_action[10, 1] == 1.0
     assert seen.group_count.sum() == 2.0
     assert seen.dwells.censored.tolist() == [False, True, False]
     # Where moves take no time, they are no moves either: nothing there stays in its place.
-    assert observe(ring().mdp, timed_decisions()).dwells is None
+    assert observe(ring(), timed_decisions()).dwells is None
 
 
 def test_hidden_actions_count_as_moves_and_inform_no_law():
     timed, truth = timed_ring()
     decisions = demonstrations(timed, truth, np.random.default_rng(5))
     hidden = decisions.with_hidden_actions(np.arange(len(decisions)) % 2 == 0)
-    seen = observe(timed.mdp, hidden)
+    seen = observe(timed, hidden)
     assert seen.hidden.count.sum() == np.sum(hidden.hidden & ~hidden.censored)
     assert not hidden.hidden[seen.dwells.row].any()
     assert sc.fit_mdce_serd(timed, hidden, dynamics=truth).converged
@@ -75,4 +75,4 @@ def test_dwell_times_are_required_and_survive_a_round_trip(change, message):
         timed_decisions(**change)
     plain = sc.Decisions(*(TABLE[name] for name in COLUMNS)).select([0, 2])
     with pytest.raises(sc.SerdError, match="decisions must have dwell times for moves that take"):
-        observe(timed_ring()[0].mdp, plain)
+        observe(timed_ring()[0], plain)

@@ -30,7 +30,7 @@ def test_an_unobserved_action_keeps_the_uniform_prior(minimum_example):
     """The Dirichlet mean: one pseudo-observation of each outcome, or another number."""
     estimate = estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]))
     np.testing.assert_allclose(estimate, [[1 / 3, 2 / 3], [0.5, 0.5]])
-    seen = observe(minimum_example.mdp, decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0), (0, 1, 1)]))
+    seen = observe(minimum_example, decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0), (0, 1, 1)]))
     found = most_likely_dynamics(minimum_example.mdp.transitions, seen, 0.5)
     np.testing.assert_allclose(found.probabilities, [[1.5 / 4, 2.5 / 4], [0.5 / 2, 1.5 / 2]])
     assert (found.converged, found.steps) == (True, 1)
@@ -54,7 +54,7 @@ def test_the_estimate_is_a_stationary_point_of_its_objective(seed):
     problem = room(12, 1, 11)
     policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
     decisions = sampled(problem, policy, TRUTH, 3, 30, seed, np.eye(12)[0])
-    seen, model = observe(problem.mdp, decisions), problem.outcome_models
+    seen, model = observe(problem, decisions), problem.outcome_models
     found = most_likely_dynamics(model, seen, pseudo_count=0.5)
     assert found.converged
 
@@ -101,7 +101,7 @@ def test_three_telling_decisions_among_a_hundred_thousand_are_heard(pseudo_count
     root = scipy.optimize.root(slopes, [0.3, 0.2], options={"xtol": 1e-14})
     exact = np.append(root.x, 1.0 - root.x.sum())
     problem = wall_heavy_problem()
-    observations = observe(problem.mdp, wall_heavy_decisions())
+    observations = observe(problem, wall_heavy_decisions())
     found = most_likely_dynamics(problem.mdp.transitions, observations, pseudo_count)
     assert found.converged
     assert found.steps < 20
@@ -113,12 +113,12 @@ def test_an_estimate_that_cannot_be_certified_is_refused_with_a_way_out(monkeypa
     """Only the wall is observed, so that nothing but 1e-300 decides between what it hides."""
     problem, decisions = wall_heavy_problem(), wall_heavy_decisions()
     only_wall, model = decisions.select(np.arange(100_000)), problem.mdp.transitions
-    found = most_likely_dynamics(model, observe(problem.mdp, only_wall), 1e-300)
+    found = most_likely_dynamics(model, observe(problem, only_wall), 1e-300)
     assert (found.steps, found.error_bound, found.converged) == (0, np.inf, False)
     with pytest.raises(SerdError, match="may be off by a share of inf; pass dynamics"):
         estimate_dynamics(problem, only_wall, pseudo_count=1e-300)
     short = partial(most_likely_dynamics, max_steps=1)
-    found = short(model, observe(problem.mdp, decisions))
+    found = short(model, observe(problem, decisions))
     assert (found.steps, found.converged) == (1, False)
     monkeypatch.setattr(estimation, "most_likely_dynamics", short)
     for fewer, more in ((0.5, "10.0"), (4.0, "40.0")):

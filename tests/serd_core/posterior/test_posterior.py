@@ -47,7 +47,7 @@ def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
     decisions = decisions.with_hidden_actions(rng.random(len(decisions)) < share_hidden)
     prior = KldPrior(0.3, reference=table) + KldPrior(0.2, table, Block.BELIEF)
     prior = prior + GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3) + belief.prior
-    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, prior)
+    posterior = Posterior(problem, observe(problem, decisions), policy_model, prior)
     like = random_parameters(problem, policy_model, rng)
     return posterior, belief.unpack(belief.pack(like), like), decisions
 
@@ -109,9 +109,9 @@ def test_the_likelihood_is_the_sum_over_actions_of_each_decision(
 
 
 def test_dynamics_that_do_not_explain_a_move_are_rejected(minimum_example):
-    observations = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [HIDDEN], [1]))
+    observations = observe(minimum_example, Decisions([0], [0.0], [0], [HIDDEN], [1]))
     require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
-    shown = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [0], [1]))
+    shown = observe(minimum_example, Decisions([0], [0.0], [0], [0], [1]))
     with pytest.raises(SerdError, match="from state 0 by action 0 to state 1"):
         require_possible(shown, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
     with pytest.raises(SerdError, match="from state 0 by any action to state 1"):
@@ -134,7 +134,7 @@ def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
 def test_chunks_of_states_and_blocks_that_are_left_out_change_nothing(random_problem, monkeypatch):
     problem, table = random_problem(3)
     rng = np.random.default_rng(3)
-    observations = observe(problem.mdp, uniform_decisions(problem, table, rng))
+    observations = observe(problem, uniform_decisions(problem, table, rng))
     prior = KldPrior(0.3, reference=table) + GaussianPrior(2.0, Block.REWARD)
     posterior = Posterior(problem, observations, MdcePolicy(), prior)
     parameters = random_parameters(problem, MdcePolicy(), rng)

@@ -157,7 +157,7 @@ def test_the_outer_product_is_that_of_the_gradients_of_single_decisions(fitted):
     assert decisions.censored[~decisions.hidden].any()
     total = 0.0
     for place in range(len(decisions)):
-        one = observe(timed.mdp, decisions.select([place]))
+        one = observe(timed, decisions.select([place]))
         at = Posterior(timed, one, MdcePolicy(), UniformPrior()).evaluate(fit.parameters)
         score = sc.TiedBelief().pull_back(at.gradient, fit.parameters)
         total = total + np.outer(score, score)

@@ -40,7 +40,7 @@ def seen(request):
 
 def test_the_likelihood_of_dwell_times_has_the_derivatives_of_differences(seen):
     timed, truth, decisions = seen
-    dwells = observe(timed.mdp, decisions).dwells
+    dwells = observe(timed, decisions).dwells
     assert 0.05 < dwells.censored.mean() < 0.95
     assert np.array_equal(dwells.censored, decisions.censored[dwells.row])
     at = truth + np.random.default_rng(8).normal(0.0, 0.3, len(truth))
@@ -55,7 +55,7 @@ def test_the_likelihood_of_dwell_times_has_the_derivatives_of_differences(seen):
 
 def test_the_likelihood_of_dwell_times_is_that_of_a_sum_over_outcomes(seen):
     timed, truth, decisions = seen
-    model, dwells = timed.mdp.transitions, observe(timed.mdp, decisions).dwells
+    model, dwells = timed.mdp.transitions, observe(timed, decisions).dwells
     laws, by_decision = (
         model.laws(truth),
         dict(zip(dwells.row.tolist(), dwells.by_decision(truth), strict=True)),
@@ -87,7 +87,7 @@ def test_gradient_and_hessian_are_those_of_differences(case, belief):
     (timed, truth, decisions), rng = drawn(*case), np.random.default_rng(9)
     strengths = PriorByEvidence(2.0, 1.3, 0.8).strengths(belief, timed=True)
     prior = strengths.prior(timed, np.zeros(0))
-    posterior = Posterior(timed, observe(timed.mdp, decisions), MdcePolicy(), prior)
+    posterior = Posterior(timed, observe(timed, decisions), MdcePolicy(), prior)
     at = truth + rng.normal(0.0, 0.2, len(truth))
     start = starting_parameters(timed, MdcePolicy(), WEIGHTS, at, belief)
     space = coordinates(timed, belief, start)

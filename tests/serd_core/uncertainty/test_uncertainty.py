@@ -45,7 +45,7 @@ def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_exampl
 @pytest.mark.parametrize("policy_model", [MdcePolicy(), PolicyMatchingPolicy(1.3)], ids=repr)
 def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model):
     problem, rng = gridworld.problem, np.random.default_rng(0)
-    seen = observe(problem.mdp, gridworld.decisions)
+    seen = observe(problem, gridworld.decisions)
     posterior = Posterior(problem, seen, policy_model, sc.UniformPrior())
     at = fit_of(gridworld, (1.0, 1.0), ascent=sc.TrustRegion(max_steps=2)).parameters
     at = at.with_vector(at.vector + 0.1 * rng.normal(size=92))
