@@ -35,11 +35,12 @@ STALLED = "not converged: no step gains anything and the gradients around do not
 
 @dataclass(frozen=True)
 class KinkedAscent(Ascent):
-    """An ascent for objectives with kinks: a smooth one, then BFGS from where that one stalled.
+    """The ascent of `fit_pm_serd`, whose objective has kinks: a smooth one, then BFGS to a kink.
 
     gradient_tolerance: for the gradient, or the smallest mean of the gradients around; around means
     within neighbourhood * max(1, |x|). The gradient norm of the result is that of this mean.
     longest_step: bound of |x - previous x|; a logarithm among x must not run away in one step.
+    SerdError for a tolerance or number of steps below 0.
     """
 
     smooth: Ascent = field(default_factory=TrustRegion)

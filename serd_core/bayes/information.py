@@ -216,7 +216,7 @@ def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) 
 def expected_information_gain(found: Laplace, *, longest: int = 200) -> FloatArray:
     """Compute the (S,) nats that one more demonstration from each state is expected to add.
 
-    longest: decisions of a demonstration.
+    found: of `laplace`; longest: decisions of a demonstration.
 
         start = sc.expected_information_gain(found).argmax()
     """

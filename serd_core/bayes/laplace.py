@@ -146,7 +146,8 @@ def laplace_at(
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
     """Approximate the posterior at a fit by a normal distribution (Laplace).
 
-    SerdError where the fit has a prior that is no density, or is no maximum.
+    Returns mode (d,), root (d, d) of the covariance, and log_evidence in nats. SerdError where the
+    fit has a prior that is no density, or is no maximum.
 
         found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions))
         print(found.log_evidence, sc.laplace_draws(found, rng, 400))
@@ -318,14 +319,25 @@ def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> P
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
-    """n draws of the posterior that start at Laplace's approximation (`Laplace.sample`)."""
+    """Draw n times from the posterior that `laplace` approximates.
+
+    Returns reward (n, F), outcome_probabilities (n, M, K) and others. Where outcomes share a
+    successor, up to 64 draws are independent; further ones are later states of the same chains.
+
+        draws = sc.laplace_draws(sc.laplace(problem, decisions, fit), rng, 100)
+    """
     require_count("n", n, 2, f"{N_DRAWS}")
     require_generator(rng)
     return draws_at(found.problem, found.coordinates, found.sample(n, rng))
 
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
-    """(S, A) soft policy averaged over the draws, of the problem they are of or of another task."""
+    """Average the soft policy (S, A) over draws, of the problem they are of or of another task.
+
+    draws: of `laplace_draws`.
+
+        policy = sc.posterior_policy(other_problem, sc.laplace_draws(found, rng))
+    """
     return averaged_policy(problem, draws.reward, draws.believed_outcome_probabilities)
 
 

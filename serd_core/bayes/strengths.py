@@ -41,10 +41,12 @@ HYPERPRIORS = {
 class PriorByEvidence:
     """Proper priors whose strengths the decisions choose: normal on rewards, Dirichlet on dynamics.
 
-    deviation: sigma of the weights; pseudo_count: c of the outcomes; dwell_deviation: sd of log
-    mean dwell times around a common one, where moves take time (`DwellPrior`). None for the one of
-    highest evidence; few laws hold hardly any evidence of their deviation, and a small one makes
-    moves that nobody makes as fast as the others.
+    deviation: sigma of the weights, in nats over the range of a feature; pseudo_count: c of the
+    outcomes; dwell_deviation: sd of log mean dwell times around a common one, where moves take time
+    (`DwellPrior`). None for the one of highest evidence; few laws hold hardly any evidence of their
+    deviation, and a small one makes moves that nobody makes as fast as the others.
+
+        fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(pseudo_count=1.0))
     """
 
     deviation: float | None = None

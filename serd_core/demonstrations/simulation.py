@@ -124,9 +124,9 @@ def sample_timed_decisions(
     mean_until_command_s: float = np.inf,
     source: str = "sampled",
 ) -> TimedDecisions:
-    """Episodes of at most `n_steps` decisions; one ends in a final state (`Mdp.final`).
+    """Draw episodes of a policy whose moves take time, which end as those of `sample_decisions`.
 
-    policy: (S, A); parameters: (N,) of the dynamics (`SemiMarkovModels.parameters_from`);
+    policy: (S, A); parameters: (N,) of the dynamics, as `parameters_from` below makes them;
     start_distribution: (S,). mean_until_command_s: mean of the exponential time after which another
     command ends a decision that has no outcome yet, and the policy decides anew in the same state;
     inf for never.

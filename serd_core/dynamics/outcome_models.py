@@ -40,8 +40,9 @@ IMPOSSIBLE = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class OutcomeModels(TransitionModel):
-    """Transitions that many pairs (s, a) share: M local distributions over K outcomes.
+    """Dynamics to learn that pairs (s, a) share: M local distributions over K outcomes (5.1).
 
+    P_m(k) = exp(beta theta_mk) / sum_j exp(beta theta_mj), with the energies theta as parameters.
     successors: (S, A, K) next state of each outcome (ignored where not available).
     model_of: (S, A) local model of each state and action (ignored where not available).
     available: (S, A) mask of actions that exist.
@@ -52,6 +53,9 @@ class OutcomeModels(TransitionModel):
     n_others: further numbers of the parameter vector, on which no outcome depends.
 
     Raises SerdError naming the first entry that is no state or no model.
+
+        models = sc.OutcomeModels(  # one state, whose one action has one outcome
+            successors=[[[0]]], model_of=[[0]], available=[[True]], n_models=1)
     """
 
     successors: IntArray
@@ -307,7 +311,10 @@ def fixed_transitions(
 ) -> SparseModel:
     """Make known transitions from their entries, which must sum to 1 for each pair (s, a).
 
-    n_pairs: (S, A); state, action, next_state, probability: (E,).
+    n_pairs: (S, A); state, action, next_state, probability: (E,). Pairs without entries are not
+    available. SerdError for an index outside these, or another sum.
+
+        stays = sc.Mdp(sc.fixed_transitions((2, 1), [0, 1], [0, 0], [0, 1], [1.0, 1.0]), 0.9)
     """
     known = float_array("probability", probability, (len(np.atleast_1d(state)),))
     model = SparseModel(n_pairs, state, action, next_state, known)

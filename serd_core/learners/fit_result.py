@@ -66,7 +66,7 @@ class FitResult:
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
     expert's belief; initial_outcome_probabilities: the start. (Of known transitions: their entries;
-    laws of dwell times are in the parameters, see `SemiMarkovModels.laws`.)
+    `problem.mdp.transitions.laws(fit.parameters.truth)` has laws of dwell times.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
     objective_trace: (n_steps,) the same after each step.
@@ -75,11 +75,10 @@ class FitResult:
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
-    converged: at a maximum, and the only one around (`learners.certificate`); otherwise the message
-    names the direction that is open. undetermined: directions along which the objective is
-    constant.
-    residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file has none;
-    assumptions: None where a file does not state them.
+    converged: at a maximum, and the only one around; otherwise the message names the direction that
+    is open. undetermined: directions along which the objective is constant.
+    residual, error_bound: of the values V at the end, max |T V - V| for the Bellman operator T, and
+    a bound of the error of V; NaN where a file has none. assumptions: None where it has none.
     """
 
     feature_names: tuple[str, ...]

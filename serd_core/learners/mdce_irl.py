@@ -54,8 +54,7 @@ def fit_mdce_irl_by_likelihood(
     dynamics: (M, K) outcome probabilities, or parameters of timed ones, taken as known; None
     estimates them from the decisions. They may hold zeros where no decision contradicts these.
     prior: of the weights; `UniformPrior()` for the most likely ones.
-    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
-    returning True stops the fit there.
+    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: as in `fit_mdce_serd`.
     Returns a `FitResult`; raises SerdError where an argument is wrong or a decision is impossible.
 
         fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())

@@ -109,9 +109,10 @@ def fit_mdce_serd(
 ) -> FitResult:
     """Learn reward weights and dynamics at once from the decisions of a soft expert (Algorithm 1).
 
-    The expert follows the maximum discounted causal entropy policy (3.28) of the rewards and of the
-    dynamics that they believe in (section 4.4.1); weights are in units of one over their feature.
-    Decisions whose action is `HIDDEN` count by their states.
+    Maximises J = sum log pi(a | s) + sum log P(s' | s, a) + log prior (4.9). pi is the policy of
+    maximum discounted causal entropy (3.28) under the dynamics that the expert believes in (section
+    4.4.1). Weights are in units of one over their feature. Decisions whose action is `HIDDEN` count
+    by their states.
 
     problem: with F features and M outcome models of K outcomes (`TabularProblem`).
     initial_weights: (F,) to start from; None starts at 0 with a prior by evidence, and else draws
@@ -121,11 +122,11 @@ def fit_mdce_serd(
     belief: how what the expert believes of the dynamics relates to the truth: `TiedBelief()` (they
     know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`.
     prior: None for `PriorByEvidence()`, proper priors whose strengths the decisions choose; a sum
-    of others such as `GaussianPrior(0, Block.REWARD, 2.0)`; `UniformPrior()` for the most likely
+    of others such as `GaussianPrior(2.0, Block.REWARD)`; `UniformPrior()` for the most likely
     parameters, which is also the default where an `ascent` is given.
     ascent: `Lbfgs()` or `TrustRegion()`; a prior by evidence has its own.
-    on_step: called with a `Step` after each step, with J per decision; returning True stops the
-    fit.
+    on_step: called after each step with a record of its `number`, `objective` (J per decision),
+    `gradient_norm`, `n_evaluations` and `vector`; returning True stops the fit.
 
     Returns a `FitResult`: `reward_weights` (F,), `outcome_probabilities` (M, K), `converged`, and
     why not. Raises SerdError where an argument is wrong, or an observed move is impossible.

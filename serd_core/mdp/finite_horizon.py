@@ -100,6 +100,8 @@ def decisions_in_periods(
     n_states: S of the problem itself; period: (N,) of each decision; by default the first of an
     episode is in period 0, the next in 1, in the order of their times. SerdError where an episode
     is longer than the horizon.
+
+        unrolled = sc.decisions_in_periods(decisions, n_states, 20)
     """
     require_decisions(decisions)
     require_count("n_periods", n_periods, 1, "10")

@@ -31,8 +31,10 @@ from serd_core.errors import SerdError
 class Mdp:
     """A discounted Markov decision process whose transitions may still have parameters to learn.
 
-    transitions: P(s' | s, a), such as `OutcomeModels`; discount: gamma in [0, 1) per decision.
-    Raises SerdError where a state has no action.
+    transitions: P(s' | s, a), `OutcomeModels` or what `fixed_transitions` returns; discount: gamma
+    in [0, 1) per decision. Raises SerdError where a state has no action.
+
+        mdp = sc.Mdp(models, 0.95)
     """
 
     transitions: TransitionModel

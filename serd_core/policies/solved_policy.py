@@ -58,10 +58,9 @@ def soft_policy(
 ) -> Policy:
     """Solve for the maximum discounted causal entropy policy of known rewards (3.28 to 3.30).
 
-    reward_weights: (F,); outcome_probabilities: (M, K) of OutcomeModels, None for
-    known transitions.
-
-    Returns a `Policy` with value (S,), q (S, A) and probabilities (S, A).
+    reward_weights: (F,); outcome_probabilities: (M, K) of `OutcomeModels`, None for known
+    transitions. Returns value (S,), q (S, A), probabilities (S, A), greedy (S,) best actions, and
+    error_bound of the values. SerdError for other shapes, or rewards that overflow.
 
         policy = sc.soft_policy(problem, fit.reward_weights, fit.outcome_probabilities)
     """
@@ -95,6 +94,8 @@ def boltzmann_policy(
     """Solve for the Boltzmann policy pi(a | s) ~ exp(Q*(s, a) / temperature) (4.62).
 
     temperature: theta_P above 0, in the units of the rewards. Others as in `soft_policy`.
+
+        policy = sc.boltzmann_policy(problem, fit.reward_weights, fit.outcome_probabilities, 0.5)
     """
     require_positive("temperature", temperature)
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman())

@@ -40,10 +40,11 @@ from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, requ
 
 @dataclass(frozen=True, eq=False)
 class KldPrior(Prior):
-    """A prior that keeps dynamics near a reference Q, by the divergence of a block's P from it.
+    """A prior that keeps dynamics P near others Q: -lambda sum w(s, a) Q log(Q / P) (4.91).
 
-    weight: lambda; reference: local probabilities of Q, None for the learner's initial dynamics.
-    state_action_weights: (S, A) weights w of the pairs; None for one everywhere.
+    weight: lambda, at least 0; reference: (M, K) outcome probabilities of Q, None for those that
+    the fit starts with; block: of P, `Block.TRUTH` or `Block.BELIEF`; state_action_weights: (S, A)
+    w, None for 1. It is no density, so it has no evidence.
     """
 
     weight: float
@@ -138,7 +139,12 @@ class CouplingPrior(Prior):
 
 @dataclass(frozen=True)
 class DirichletPrior(Prior):
-    """A prior on dynamics: `pseudo_count` added to every outcome of every model of a block."""
+    """A prior on outcome models: `pseudo_count` observations added to every outcome of each model.
+
+    The log density is c sum log P over the outcomes of a block, `Block.TRUTH` or `Block.BELIEF`.
+
+        fit = sc.fit_mdce_serd(problem, decisions, rng=rng, prior=sc.DirichletPrior(1.0))
+    """
 
     pseudo_count: float
     block: Block = Block.TRUTH

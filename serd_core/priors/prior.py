@@ -153,9 +153,9 @@ _LARGEST = 1e50
 
 @dataclass(frozen=True)
 class GaussianPrior(Prior):
-    """A prior on any block: independent normal distributions with one mean.
+    """A prior on any block: independent normal distributions with one mean (section 4.6.2).
 
-    standard_deviation: one for the block, or a tuple of one per number.
+    standard_deviation: one for the block, or a tuple of one per number, in the block's units.
 
         prior = sc.GaussianPrior(2.0, sc.Block.REWARD)
     """

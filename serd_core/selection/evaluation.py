@@ -23,7 +23,10 @@ from serd_core.semi_markov.models import SemiMarkovModels
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
-    """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0."""
+    """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0.
+
+    mean = sc.policy_log_likelihood(problem, decisions, policy.probabilities)
+    """
     require_shown(decisions, "the likelihood of a policy alone")
     counts = observe(problem, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
@@ -57,6 +60,8 @@ def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitRe
     """Compute the mean log-likelihood of other decisions under the policy of a fit.
 
     That of a hidden action is log sum_a pi(a | s) P(s' | s, a), with the fit's dynamics.
+
+        mean = sc.validation_log_likelihood(problem, decisions, fit)
     """
     policy = fitted_policy(problem, fit)
     require_decisions(decisions)

@@ -267,9 +267,12 @@ WIDE, MEDIAN_SHAPE, SHAPE_DEVIATION = 3.0, 4.0, 1.0
 
 @dataclass(frozen=True)
 class DwellPrior(Prior):
-    """That density; deviation: sd of log means around their common one. The energies have none.
+    """A prior on laws of dwell times, which completes the prior on outcomes of the same block.
 
-    It completes the prior of a block, usually a DirichletPrior, and claims none by itself.
+    deviation: sd of the log means around a common one, which is free; log shapes are normal around
+    log 4 with sd 1. block: `Block.TRUTH` or `Block.BELIEF`. SerdError where moves take no time.
+
+        prior = sc.DirichletPrior(1.0) + sc.DwellPrior(1.0)
     """
 
     deviation: float

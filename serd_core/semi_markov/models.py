@@ -275,10 +275,10 @@ def semi_markov_problem(
     stay_s: FloatArray | float | None = None,
     log_pace: FloatArray | None = None,
 ) -> P:
-    """The same problem with moves that take time, and with its discount per second.
+    """Make a problem whose moves take time from one of decisions; its discount is then per second.
 
-    law_of: (M, K) gamma law of each outcome, from 0, or `NO_LAW` for whole models, whose decisions
-    all take stay_s, or one second where that is not given; None for one law per model that a state
+    law_of: (M, K) gamma law of each outcome, from 0, or -1 for whole models, whose decisions all
+    take stay_s, or one second where that is not given; None for one law per model that a state
     uses which some action leaves. stay_s: seconds after which a decision without a move ends in its
     own state, of all or of each (M,) model; None where staying has the law of its outcome.
     log_pace: (S,) by which the log means of each state are moved; None for 0. A problem that has

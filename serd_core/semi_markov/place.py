@@ -79,8 +79,9 @@ class PlaceComparison:
 
 
 def fit_places(problem: Problem, decisions: Decisions, parameters: FloatArray) -> PlacePaces:
-    """Multipliers of dwell times by state, the laws being those of (N,) parameters.
+    """Find how much slower moves are in each state, the laws being those of (N,) parameters.
 
+    Returns log_pace (S,), by which log means are moved, and its standard deviations.
     `semi_markov_problem(problem, log_pace=...)` plans with them. SerdError where moves take no time
     or have multipliers already, or decisions have no dwell times.
 
@@ -135,10 +136,11 @@ class _Places:
 
 
 def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> PlaceComparison:
-    """Whether dwell times differ by place, on episodes that were left out.
+    """Test on episodes that were left out whether dwell times differ by place.
 
     Laws are counted (`estimate_dynamics`). n_folds: parts of the episodes, of which each is left
-    out once. SerdError where there are fewer than three episodes, moves take no time or have
+    out once. Returns what to take (`chosen`), and the lead of places in nats per episode with its
+    standard error. SerdError where there are fewer than three episodes, moves take no time or have
     multipliers already, or decisions have no dwell times.
 
         print(sc.compare_places(timed, decisions).chosen)
@@ -210,10 +212,10 @@ class DwellSummary:
 
 
 def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> DwellSummary:
-    """Laws of dwell times of the world, and what is known of them.
+    """Summarise what a fit found about dwell times: laws, intervals, and what informed them.
 
-    draws: of the posterior; mass: that intervals hold. SerdError where moves take no time, or the
-    fit learned no dynamics.
+    found: of `laplace`; draws: of `laplace_draws`; mass: that intervals hold. SerdError where moves
+    take no time, or the fit learned no dynamics.
 
         found = sc.laplace(timed, decisions, fit)
         laws = sc.dwell_summary(found, sc.laplace_draws(found, rng, 400))

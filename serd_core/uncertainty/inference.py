@@ -40,7 +40,12 @@ def clustered_outer_product(
 
     clusters: (N,) of each decision; None for episodes. Returns the (n, n) sum over clusters of the
     outer product of the sum of their scores, with the factor C / (C - 1) of C clusters (Cameron and
-    Miller, Journal of Human Resources 50, 2015); it is the `meat` of `standard_errors`.
+    Miller, Journal of Human Resources 50, 2015); it is the argument `meat` of `standard_errors`.
+    SerdError where actions are hidden, or decisions are not those of the information.
+
+        information = sc.fit_information(problem, decisions, fit)
+        by_episode = sc.clustered_outer_product(problem, information, decisions)
+        errors = sc.standard_errors(problem, information, meat=by_episode)
     """
     require_problem(problem)
     require_information(information)
