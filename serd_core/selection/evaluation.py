@@ -25,7 +25,9 @@ from serd_core.semi_markov.models import SemiMarkovModels
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
     """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0.
 
-    mean = sc.policy_log_likelihood(problem, decisions, policy.probabilities)
+    SerdError where actions are hidden, or a row of the policy is no distribution.
+
+        mean = sc.policy_log_likelihood(problem, decisions, policy.probabilities)
     """
     require_shown(decisions, "the likelihood of a policy alone")
     counts = observe(problem, decisions).state_action

@@ -30,8 +30,6 @@ def test_a_maximum_on_a_curved_kink_is_found_where_the_trust_region_gives_up():
     np.testing.assert_allclose(found.vector, [1.0, 1.0], atol=1e-4)
     assert found.objective > smooth.objective
     assert found.gradient_norm <= 1e-6
-    assert [step.number for step in steps] == list(range(1, found.n_steps + 1))
-    assert len(found.objective_trace) == found.n_steps
     assert np.all(np.diff(found.objective_trace) >= 0)
     np.testing.assert_array_equal(steps[-1].vector, found.vector)
     assert steps[-1].gradient_norm == found.gradient_norm

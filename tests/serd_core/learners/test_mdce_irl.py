@@ -72,17 +72,7 @@ def test_known_dynamics_with_zeros_give_the_limit_of_smoothed_ones(gridworld):
         fit_of(gridworld, [0.0, 0.0], dynamics=known)
 
 
-def test_occupancy_sums_to_the_geometric_series_and_absorbed_episodes_count_for_ever(
-    random_problem, minimum_example
-):
-    problem, table = random_problem(3)
-    ones = np.ones((*problem.mdp.available.shape, 1))
-    plain = sc.TabularProblem(problem.mdp, ones, ("one",))
-    uniform = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
-    starts = np.full(problem.mdp.n_states, 1 / problem.mdp.n_states)
-    transitions = transitions_of(problem.mdp.transitions, table)
-    total = features_reached(plain, transitions, uniform, starts)
-    assert total[0] == pytest.approx(1 / (1 - problem.mdp.discount))
+def test_absorbed_episodes_count_for_ever(minimum_example):
     policy = np.array([[1.0, 0, 0], [0, 0, 1.0]])
     decisions = sampled(minimum_example, policy, np.full((2, 2), 0.5), 20, 200, 0, [1.0, 0.0])
     discounts = 0.9 ** trajectories_of(decisions).length.astype(float)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from support.refusals import refusals
 from tests.support.semi_markov import (
     AGAINST,
     CASES,
@@ -80,19 +81,13 @@ TOO_MUCH = np.full(MODEL.local_probabilities(TRUTH).shape, 0.4)
 MIXED, GAP = [[0, 0, -1], [1, 1, 1], [2, 2, 2]], [[0, 0, 0], [2, 2, 2], [2, 2, 2]]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sc.semi_markov_problem(ring(), law_of=MIXED), "all outcomes of a model"),
-        (lambda: sc.semi_markov_problem(ring(), law_of=GAP), r"got \[0, 2\]; close gaps"),
-        (lambda: sc.semi_markov_problem(ring(), stay_s=[1, -1, 0]), r"stay_s\[1\] must not be neg"),
-        (lambda: sc.semi_markov_problem(ring(), log_pace=np.zeros(3)), "log_pace must have shape"),
-        (lambda: sc.semi_markov_problem(SPARSE), "OutcomeModels"),
-        (lambda: sc.Mdp(MODEL, 0.9), "discount of the Mdp must be that of its dwell times"),
-        (lambda: sc.soft_policy(TIMED, WEIGHTS, TOO_MUCH), "row 0 must not be negative and sum to"),
-        (lambda: MODEL.parameters_from(OUTCOMES, [1, 0, 1], 2.0), r"mean_s\[1\] must be above 0"),
-    ],
+test_laws_that_do_not_fit_are_rejected = refusals(
+    (lambda: sc.semi_markov_problem(ring(), law_of=MIXED), "all outcomes of a model"),
+    (lambda: sc.semi_markov_problem(ring(), law_of=GAP), r"got \[0, 2\]; close gaps"),
+    (lambda: sc.semi_markov_problem(ring(), stay_s=[1, -1, 0]), r"stay_s\[1\] must not be neg"),
+    (lambda: sc.semi_markov_problem(ring(), log_pace=np.zeros(3)), "log_pace must have shape"),
+    (lambda: sc.semi_markov_problem(SPARSE), "OutcomeModels"),
+    (lambda: sc.Mdp(MODEL, 0.9), "discount of the Mdp must be that of its dwell times"),
+    (lambda: sc.soft_policy(TIMED, WEIGHTS, TOO_MUCH), "row 0 must not be negative and sum to"),
+    (lambda: MODEL.parameters_from(OUTCOMES, [1, 0, 1], 2.0), r"mean_s\[1\] must be above 0"),
 )
-def test_laws_that_do_not_fit_are_rejected(call, message):
-    with pytest.raises(sc.SerdError, match=message):
-        call()
