@@ -235,12 +235,9 @@ def expected_information_gain(found: Laplace, *, longest: int = 200) -> FloatArr
     if isinstance(model, SemiMarkovModels) and model.n_laws:
         one += _of_dwell_times(model, policy, at, table)
     n_states, size = len(one), one.shape[1]
-    weights = policy.ravel()[:, None]
-    step = true.matrix.multiply(weights).tocsr()
-    pairs = scipy.sparse.kron(
-        scipy.sparse.csr_array(scipy.sparse.identity(n_states)), np.ones((1, problem.mdp.n_actions))
-    )
-    going = (pairs @ step).tocsr()
+    moved, row = true.entries * policy.ravel()[true.model.row], true.model.row
+    places = row // problem.mdp.n_actions, true.model.successor
+    going = scipy.sparse.csr_array((moved, places), shape=(n_states, n_states))
     remaining = (~problem.mdp.final).astype(np.float64)
     flat = one.reshape(n_states, -1) * remaining[:, None]
     total, left = flat.copy(), remaining.copy()

@@ -154,75 +154,60 @@ FARTHEST = 4.0
 
 
 @dataclass(eq=False)
-class SearchRecord:
-    """Steps of all ascents of a fit; on_step: as in `fit_mdce_serd`, with J per decision.
-
-    value: (S,) where the next Bellman solve starts.
-    """
-
-    on_step: StepCallback | None
-    trace: list[float] = field(default_factory=list)
-    n_evaluations: int = 0
-    stopped: bool = False
-    value: FloatArray | None = None
-
-
-@dataclass(eq=False)
 class EvidenceSearch:
     """Maxima of the posterior under priors of changing strength, each started at the last.
 
-    posterior: with any prior; start: parameters to begin with; information: (d, d) minus the
-    Hessian of the log likelihood at the last maximum.
+    posterior: with any prior; on_step: as in `fit_mdce_serd`, with J per decision; mode: where the
+    last ascent ended, in the coordinates of what is free; information: (d, d) minus the Hessian of
+    the log likelihood there; value: (S,) where the next Bellman solve starts.
     """
 
     posterior: Posterior
-    belief: Belief
-    start: Parameters
-    record: SearchRecord
-    space: Coordinates = field(init=False)
-    mode: FloatArray = field(init=False)
+    on_step: StepCallback | None
+    space: Coordinates
+    mode: FloatArray
     information: FloatArray | None = None
+    value: FloatArray | None = None
+    trace: list[float] = field(default_factory=list)
+    n_evaluations: int = 0
+    stopped: bool = False
 
-    def __post_init__(self) -> None:
-        self.space = coordinates(self.posterior.problem, self.belief, self.start)
-        self.mode = self.space.of(self.start)
-
-    @property
-    def parameters(self) -> Parameters:
-        """Where the last ascent ended."""
-        return self.space.parameters(self.mode)
+    def free(self, belief: Belief) -> None:
+        """Go on from where the last ascent ended with the numbers that a belief leaves free."""
+        at = self.space.parameters(self.mode)
+        self.space = coordinates(self.posterior.problem, belief, at)
+        self.mode, self.information = self.space.of(at), None
 
     def objective(self, prior: Prior) -> LogPosterior:
         """The log posterior under a prior."""
         posterior = replace(self.posterior, prior=prior)
-        return LogPosterior(posterior, self.space, self.record.value)
+        return LogPosterior(posterior, self.space, self.value)
 
     def maximise(self, objective: LogPosterior, short: float = SHORT) -> AscentResult:
         """Its maximum, from the last one; no step where a callback has stopped the fit."""
         near = self.information
         if near is not None:
             near = near + objective.prior_information(self.mode)
-        ascent = NewtonAscent(short, max_steps=0 if self.record.stopped else MAX_NEWTON_STEPS)
+        ascent = NewtonAscent(short, max_steps=0 if self.stopped else MAX_NEWTON_STEPS)
         found = ascent.maximise(objective, self.mode, self._after_step, near)
-        self.record.n_evaluations += found.n_evaluations
-        self.record.value = objective.last_value
-        self.mode = found.vector
+        self.n_evaluations += found.n_evaluations
+        self.value, self.mode = objective.last_value, found.vector
         if found.converged:
             of_prior = objective.prior_information(self.mode)
             self.information = -objective.hessian(self.mode) - of_prior
-        if self.record.stopped:
+        if self.stopped:
             return replace(found, converged=False, message=STOPPED)
         return found
 
     def _after_step(self, step: Step) -> bool:
         """Count the step; whether to stop there."""
-        record, mean = self.record, step.objective / self.posterior.observations.n_decisions
-        record.trace.append(step.objective)
-        if record.on_step is not None:
-            vector, number = self.space.table @ step.vector, len(record.trace)
+        self.trace.append(step.objective)
+        if self.on_step is not None:
+            mean = step.objective / self.posterior.observations.n_decisions
+            vector, number = self.space.table @ step.vector, len(self.trace)
             called = replace(step, number=number, vector=vector, objective=mean)
-            record.stopped = bool(record.on_step(called))
-        return record.stopped
+            self.stopped = bool(self.on_step(called))
+        return self.stopped
 
 
 @dataclass(eq=False)
@@ -301,20 +286,22 @@ def fit_by_evidence(
             "evidence is that of MdcePolicy, got a policy model with a temperature, whose posterior"
             " has kinks; use fit_mdce_serd, or give a prior that is not PriorByEvidence"
         )
-    record = SearchRecord(on_step)
-    search = EvidenceSearch(posterior, belief, start, record)
+    space = coordinates(posterior.problem, belief, start)
+    search = EvidenceSearch(posterior, on_step, space, space.of(start))
     timed = has_laws(posterior.problem.mdp.transitions)
     strengths = by_evidence.strengths(belief, timed=timed)
     logs = strengths.start
-    for stage in _stages(belief) if staged else ():
-        earlier = EvidenceSearch(posterior, stage, search.parameters, record)
-        prepared = by_evidence.strengths(stage, timed=timed)
-        if stage.learns_dynamics:
-            found = best_strengths(earlier, prepared, prepared.start)[0]
-            logs = strengths.logs(prepared.values(found))
-        else:
-            earlier.maximise(earlier.objective(prepared.prior(posterior.problem, prepared.start)))
-        search.mode = search.space.of(earlier.parameters)
+    if staged and belief.learns_dynamics:
+        stages = [FixedBelief()] if belief == TiedBelief() else [FixedBelief(), TiedBelief()]
+        for stage in stages:
+            search.free(stage)
+            prepared = by_evidence.strengths(stage, timed=timed)
+            if stage.learns_dynamics:
+                found = best_strengths(search, prepared, prepared.start)[0]
+                logs = strengths.logs(prepared.values(found))
+            else:
+                search.maximise(search.objective(prepared.prior(posterior.problem, prepared.start)))
+            search.free(belief)
     logs, failure = best_strengths(search, strengths, logs)
     objective = search.objective(strengths.prior(posterior.problem, logs))
     ascended = search.maximise(objective)
@@ -322,19 +309,11 @@ def fit_by_evidence(
         ascended = replace(ascended, converged=False, message=failure)
     counted = replace(
         ascended,
-        objective_trace=np.array(search.record.trace),
-        n_steps=len(search.record.trace),
-        n_evaluations=search.record.n_evaluations,
+        objective_trace=np.array(search.trace),
+        n_steps=len(search.trace),
+        n_evaluations=search.n_evaluations,
     )
-    return objective, search.parameters, counted
-
-
-def _stages(belief: Belief) -> tuple[Belief, ...]:
-    """Beliefs to fit before this one, as a start: each has more that is free."""
-    if not belief.learns_dynamics:
-        return ()
-    tied = TiedBelief()
-    return (FixedBelief(),) if belief == tied else (FixedBelief(), tied)
+    return objective, search.space.parameters(search.mode), counted
 
 
 def best_strengths(

@@ -125,16 +125,11 @@ class BellmanProblem:
         require_each("rewards", allowed, np.abs(allowed) <= largest, rule, fix)
         object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
 
-    @property
-    def discount(self) -> float:
-        """gamma."""
-        return self.mdp.discount
-
     @cached_property
     def contraction(self) -> float:
         """Modulus of T: gamma, less or more where moves take time."""
         filled = self.transitions
-        return self.discount * filled.model.largest_sum(filled.local_probabilities)
+        return self.mdp.discount * filled.model.largest_sum(filled.local_probabilities)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +155,7 @@ class Backup:
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
     q = problem.transitions.expected(value)
-    q *= problem.discount
+    q *= problem.mdp.discount
     q += problem.rewards
     target = problem.equation.maximum(q)
     gap = target - value
@@ -300,7 +295,7 @@ class Newton:
             linear_solves += 1
             if system is None:
                 policy = problem.equation.policy_at(latest.q, latest.target)
-                system = policy_system(problem.transitions, policy, problem.discount)
+                system = policy_system(problem.transitions, policy, problem.mdp.discount)
             step = system.solve(latest.gap, relative_residual=FORCING)
             proposed = backup(problem, latest.value + step)
             system = system if proposed.residual <= KEEP * latest.residual else None

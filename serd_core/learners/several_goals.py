@@ -102,13 +102,11 @@ class SumOverGoals(Objective):
     goals: Sequence[LogPosterior]
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Sum of values and of gradients."""
         values = [goal.found(vector)[1].policy_log_likelihood for goal in self.goals]
         gradients = [goal.evaluate(vector)[1] for goal in self.goals]
         return float(sum(values)), np.sum(gradients, axis=0)
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """Sum of second derivatives."""
         return np.asarray(np.sum([goal.hessian(vector) for goal in self.goals], axis=0))
 
 

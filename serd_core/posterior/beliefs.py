@@ -99,7 +99,6 @@ class CoupledBelief(FreeBelief):
 
     @property
     def prior(self) -> Prior:
-        """The coupling prior."""
         return CouplingPrior(self.weight)
 
 

@@ -58,7 +58,6 @@ class KldPrior(Prior):
         require_dynamics_block("KldPrior", self.block)
 
     def anchored(self, initial_local_probabilities: FloatArray) -> Prior:
-        """Take the initial dynamics as reference where none was given."""
         if self.reference is not None:
             return self
         return replace(self, reference=initial_local_probabilities)
@@ -72,7 +71,6 @@ class KldPrior(Prior):
         return LogPrior(-float(value), parameters.zeros().with_block(self.block, slope))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Second derivatives, in the part of the block."""
         theta = parameters.block(self.block)
         reference, weights, probability = self._terms(model.moves, theta)
         ratio = weights * reference / probability
@@ -105,7 +103,6 @@ class CouplingPrior(Prior):
         require_weight("weight of CouplingPrior", self.weight)
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Value and gradient by both dynamics blocks."""
         truth = transition_probabilities(model, parameters.truth)
         belief = transition_probabilities(model, parameters.belief)
         log_ratio = np.log(truth / belief)
@@ -156,7 +153,6 @@ class DirichletPrior(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The block."""
         return (self.block,)
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:

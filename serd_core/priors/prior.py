@@ -90,14 +90,12 @@ class SumOfPriors(Prior):
             require_kind("a term of a sum of priors", term, (Prior,), "UniformPrior()")
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Sum of values and of gradients."""
         value, gradient = 0.0, parameters.zeros()
         for part in (term.evaluate(model, parameters) for term in self.terms):
             value, gradient = value + part.value, gradient + part.gradient
         return LogPrior(value, gradient)
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Sum of the terms' second derivatives."""
         table = np.zeros((len(parameters.vector),) * 2)
         for term in self.terms:
             table += term.hessian(model, parameters)
@@ -105,15 +103,12 @@ class SumOfPriors(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks of all terms."""
         return tuple(block for term in self.terms for block in term.blocks)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """Sum of the terms' constants."""
         return float(sum(term.log_constant(model, parameters) for term in self.terms))
 
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
-        """Anchor every term."""
         terms = tuple(term.anchored(initial_local_probabilities) for term in self.terms)
         # By identity: priors of users may hold arrays, whose comparison is no single truth value.
         return self if all(map(is_, terms, self.terms)) else SumOfPriors(terms)
@@ -174,7 +169,6 @@ class GaussianPrior(Prior):
             )
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Value and gradient."""
         del model
         theta = parameters.block(self.block)
         deviation = self._deviations(theta)

@@ -77,7 +77,6 @@ class SemiMarkovModels(OutcomeModels):
 
     @property
     def moves(self) -> OutcomeModels:
-        """The outcomes alone."""
         return self.outcomes
 
     @property
