@@ -29,10 +29,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from scipy.special import gammainc
 
-from serd_core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.checks import (
     chosen_indices,
     float_array,
     require_count,

@@ -13,7 +13,8 @@ import numpy as np
 import scipy  # loads special and stats at their first use
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, IntArray, shown
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import shown
 from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.

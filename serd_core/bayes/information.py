@@ -23,9 +23,10 @@ import numpy as np
 import scipy.sparse
 from scipy.special import gammaln, psi
 
-from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
 from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.checks import require_share
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (

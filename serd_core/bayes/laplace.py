@@ -25,8 +25,9 @@ import numpy as np
 import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
-from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_kind
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.sweeps import needs_sweeps, swept
+from serd_core.checks import require_count, require_generator, require_kind
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import scipy.optimize
 
-from serd_core.arrays import FloatArray, require_positive
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
 from serd_core.ascent.trust_region import SHORT, NewtonAscent
 from serd_core.bayes.laplace import laplace_at
+from serd_core.checks import require_positive
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FixedBelief, TiedBelief

@@ -27,8 +27,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, largest_per_row, require_each, sum_per_row
+from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
 from serd_core.bellman.linear_solvers import LinearSystem, prepare
+from serd_core.checks import require_each
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
 

@@ -11,10 +11,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.checks import (
     bool_array,
     chosen_indices,
     float_array,

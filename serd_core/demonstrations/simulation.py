@@ -11,15 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    require_count,
-    require_generator,
-    require_kind,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.checks import float_array, require_count, require_generator, require_kind
 from serd_core.demonstrations.decisions import (
     TIMED_COLUMNS,
     Decisions,

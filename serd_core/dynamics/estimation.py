@@ -21,7 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.checks import require_positive
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.outcome_models import OutcomeModels

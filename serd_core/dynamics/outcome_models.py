@@ -13,16 +13,13 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import (
+from serd_core.arrays import BoolArray, FloatArray, IntArray, padded
+from serd_core.checks import (
     BYTES_PER_PAIR,
-    BoolArray,
-    FloatArray,
-    IntArray,
     bool_array,
     float_array,
     int_array,
     is_number,
-    padded,
     require_each,
     require_index,
     require_memory,

@@ -26,8 +26,9 @@ from functools import cached_property
 import numpy as np
 import scipy  # loads sparse at its first use
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, floored, number_array, weighted_counts
+from serd_core.arrays import BoolArray, FloatArray, IntArray, floored, weighted_counts
 from serd_core.bellman.policy_pattern import PolicyPattern, index_type, policy_pattern, with_numbers
+from serd_core.checks import number_array
 from serd_core.errors import SerdError
 
 #: By which a probability or a sum of them may be off.

@@ -18,15 +18,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    int_array,
-    number_array,
-    require_each,
-    require_index,
-)
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import float_array, int_array, number_array, require_each, require_index
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import scipy  # loads stats at its first use
 
-from serd_core.arrays import FloatArray, require_kind, require_share
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
+from serd_core.checks import require_kind, require_share
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief

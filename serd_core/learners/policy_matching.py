@@ -12,9 +12,10 @@ Q-values with inverse temperature beta (3.11), and minimises, by one adjoint sol
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_positive
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.bellman.bellman_solver import adjoint, boltzmann
+from serd_core.checks import require_positive
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import observe
 from serd_core.learners.fit_result import FitResult

@@ -17,16 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    described,
-    float_array,
-    require_count,
-    require_each,
-    require_positive,
-    require_share,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, described, weighted_counts
 from serd_core.ascent.ascent import (
     Ascent,
     Climb,
@@ -35,6 +26,13 @@ from serd_core.ascent.ascent import (
     StepCallback,
     minimise,
     vanishing,
+)
+from serd_core.checks import (
+    float_array,
+    require_count,
+    require_each,
+    require_positive,
+    require_share,
 )
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe

@@ -13,10 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_kind, require_positive
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.bayes.strengths import PriorByEvidence, fit_by_evidence
+from serd_core.checks import require_kind, require_positive
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.learners.certificate import certificate

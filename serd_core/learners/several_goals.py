@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, shown
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.trust_region import NewtonAscent
+from serd_core.checks import float_array, shown
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError

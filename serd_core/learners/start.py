@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, number_array, require_generator, require_kind
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
     Ascent,
     AscentResult,
@@ -20,6 +20,7 @@ from serd_core.ascent.ascent import (
     StepCallback,
 )
 from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.checks import float_array, number_array, require_generator, require_kind
 from serd_core.demonstrations.decisions import Decisions, require_shown
 from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of

@@ -9,9 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import (
     float_array,
     int_array,
     require_count,

@@ -9,12 +9,10 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import (
+from serd_core.arrays import BoolArray, FloatArray, first_index
+from serd_core.checks import (
     BYTES_PER_ENTRY,
     LISTED_BYTES_PER_ENTRY,
-    BoolArray,
-    FloatArray,
-    first_index,
     float_array,
     is_number,
     require_each,

@@ -12,9 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import (
     chosen_indices,
     float_array,
     int_array,

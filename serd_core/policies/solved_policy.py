@@ -9,14 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    largest_per_row,
-    require_positive,
-    sum_per_row,
-)
+from serd_core.arrays import FloatArray, IntArray, largest_per_row, sum_per_row
 from serd_core.bellman.bellman_solver import (
     BellmanEquation,
     BellmanProblem,
@@ -26,6 +19,7 @@ from serd_core.bellman.bellman_solver import (
     SoftBellman,
     boltzmann,
 )
+from serd_core.checks import float_array, require_positive
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem
 

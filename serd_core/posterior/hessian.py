@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import FloatArray, IntArray, require_memory
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, policy_system
+from serd_core.checks import require_memory
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     Transitions,

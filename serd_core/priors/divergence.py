@@ -15,15 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaln
 
-from serd_core.arrays import (
-    FloatArray,
-    float_array,
-    floored,
-    padded,
-    require_each,
-    require_kind,
-    require_positive,
-)
+from serd_core.arrays import FloatArray, floored, padded
+from serd_core.checks import float_array, require_each, require_kind, require_positive
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
     TransitionModel,

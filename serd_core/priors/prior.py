@@ -9,15 +9,8 @@ from operator import is_
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    gradient_differences,
-    is_number,
-    number_array,
-    require_kind,
-    require_positive,
-    shown,
-)
+from serd_core.arrays import FloatArray, gradient_differences
+from serd_core.checks import is_number, number_array, require_kind, require_positive, shown
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters

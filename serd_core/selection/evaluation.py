@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from serd_core.arrays import FloatArray, first_index, float_array, number_array, require_index
+from serd_core.arrays import FloatArray, first_index
+from serd_core.checks import float_array, number_array, require_index
 from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
 from serd_core.demonstrations.observations import explaining_transitions, observe
 from serd_core.dynamics.transition_model import transitions_of

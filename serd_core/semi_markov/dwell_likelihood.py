@@ -24,16 +24,10 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtri
 
-from serd_core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    require_kind,
-    require_positive,
-    weighted_counts,
-)
+from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.ascent.ascent import Objective
 from serd_core.ascent.trust_region import NewtonAscent
+from serd_core.checks import require_kind, require_positive
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError

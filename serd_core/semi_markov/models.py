@@ -22,17 +22,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    first_index,
-    float_array,
-    int_array,
-    require_each,
-    require_kind,
-    require_positive,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, IntArray, first_index, weighted_counts
+from serd_core.checks import float_array, int_array, require_each, require_kind, require_positive
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError

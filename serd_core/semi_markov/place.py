@@ -20,16 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    floored,
-    require_count,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
 from serd_core.bayes.information import interval, learned_outcomes, named_source
 from serd_core.bayes.laplace import Laplace, PosteriorDraws
+from serd_core.checks import float_array, require_count
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError

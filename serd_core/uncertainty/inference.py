@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # loads stats at its first use
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import (
     int_array,
     number_array,
     require_count,

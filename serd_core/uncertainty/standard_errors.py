@@ -21,7 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, float_array, require_kind
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import float_array, require_kind
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError

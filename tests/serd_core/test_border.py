@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core import arrays
+from serd_core import checks
 
 
 def words(text):
@@ -168,7 +168,7 @@ LISTED = [0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 1, 0]
 
 def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridworld, monkeypatch):
     problem = gridworld.problem
-    monkeypatch.setattr(arrays, "memory_limit", lambda: 30_000)
+    monkeypatch.setattr(checks, "memory_limit", lambda: 30_000)
     with pytest.raises(
         sc.SerdError,
         match=r"the transitions of 25 states and 5 actions must fit into memory, but needs"
@@ -177,7 +177,7 @@ def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridw
         sc.Mdp(problem.mdp.transitions, 0.9)
     with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 25 states"):
         sc.fit_mdce_serd(problem, gridworld.decisions)
-    monkeypatch.setattr(arrays, "memory_limit", lambda: 799)  # entry by entry is more
+    monkeypatch.setattr(checks, "memory_limit", lambda: 799)  # entry by entry is more
     with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
         sc.Mdp(sc.fixed_transitions((2, 2), *LISTED, np.ones(4)), 0.9)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import gamma, nbinom
 
 import serd_core as sc
-from serd_core import arrays
+from serd_core import checks
 from serd_core.arrival.chain import RenewalChain, dwell_steps, renewal_arrival, timed_arrival
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import with_dwell_times
@@ -142,7 +142,7 @@ WORLD = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0
 
 
 def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(arrays, "memory_limit", lambda: 30_000)
+    monkeypatch.setattr(checks, "memory_limit", lambda: 30_000)
     with pytest.raises(sc.SerdError, match="within 100 steps from each of 12 states must fit into"):
         by_periods(PROBLEM, POLICY, TABLE, 100)
     assert by_periods(PROBLEM, POLICY, TABLE, 50).cdf.shape == (51, 12)
