@@ -59,8 +59,7 @@ class ArrivalLaw:
 class EmpiricalArrival:
     """Share of episodes that arrived, as a step function with a band.
 
-    times_s: (n,) 0, the distinct times of arrival, the horizon; cdf, lower, upper: (n,) from each
-    time up to the next.
+    times_s: (n,) 0, times of arrival, the horizon; cdf, lower, upper: (n,) from each to the next.
     """
 
     times_s: FloatArray

@@ -90,8 +90,7 @@ def named_source(**nats: float) -> str:
 def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation:
     """Compute what informed each outcome model of a fit: moves, choices, or the prior alone.
 
-    found: of `laplace`; mass: share of the posterior that intervals hold. SerdError where the fit
-    learned no outcome models.
+    found: of `laplace`; mass: of intervals. SerdError where the fit learned no outcome models.
 
         known = sc.outcome_information(found)
         print([known.source(model) for model in range(n_models)])

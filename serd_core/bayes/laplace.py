@@ -87,18 +87,16 @@ class Laplace:
     def _approximate(self, n: int, rng: np.random.Generator) -> FloatArray:
         """(n, d) draws of the approximation, whose outcome models have Dirichlet distributions.
 
-        Normal energies make outcomes that were never seen likelier on average than they are at the
-        mode, the more so the lower the pseudo-count. So normal draws of outcome models are mapped
-        to those of Dirichlet(r), r = N P*. With e_k their deviations from the mode and z a standard
-        normal number,
+        Normal energies would make unseen outcomes likelier on average than at the mode. So normal
+        draws of outcome models are mapped to those of Dirichlet(r), r = N P*. With e_k their
+        deviations from the mode and z a standard normal number,
 
             y_k = e_k - sum_j P*_j e_j + z / sqrt(N)
             P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k quantiles of Gamma(r_k)
 
         Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
-        draw of the posterior itself. Weights stay normal, and depend on outcomes as before.
-        Normal draws are in pairs that mirror each other, so that the mean of the weights is their
-        mode.
+        draw of the posterior itself. Weights stay normal, and depend on outcomes as before. Draws
+        are in pairs that mirror each other, so that the mean of the weights is their mode.
         """
         half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
         table, drawn = self.coordinates.table, self.mode + _mirrored(n, half) @ self.root.T

@@ -50,8 +50,7 @@ class OutcomeGroup:
 class ExactPart:
     """What is exact at n points.
 
-    log_policy: (n, p) of the observed pairs; values: (n, S), solutions of Bellman's equation;
-    log_others: (n,) log N.
+    log_policy: (n, p) of the observed pairs; values: (n, S) V; log_others: (n,) log N.
     """
 
     log_policy: FloatArray

@@ -106,8 +106,7 @@ class _Walk:
 class _Model:
     """One outcome model of a group, and what transitions inform about it.
 
-    sets: (g,) places of the sets E of its outcomes; explaining: (g, K) masks of them; slope: (r, K)
-    A; walk: of its log odds.
+    sets: (g,) places of the sets E; explaining: (g, K) masks; slope: (r, K) A; walk: of log odds.
     """
 
     group: OutcomeGroup

@@ -28,7 +28,7 @@ from typing import ClassVar
 import numpy as np
 
 from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
-from serd_core.bellman.linear_solvers import LinearSystem, prepare
+from serd_core.bellman.linear_solvers import LinearSystem, kind_of
 from serd_core.checks import require_each
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
@@ -255,7 +255,7 @@ def policy_system(
     """I - discount * P_pi for an (S, A) policy, for so many right-hand sides."""
     pattern = transitions.model.policy_pattern
     data = pattern.system_data(policy, transitions.entries, discount)
-    return prepare(pattern, data, right_sides)
+    return kind_of(pattern, right_sides)(pattern, data)
 
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A

@@ -28,8 +28,7 @@ class HiddenMoves:
     """Observed (s, s') whose action is hidden, and the transitions (s, a, s') that explain each.
 
     count: (T,) how often each distinct (s, s') was observed.
-    place, move: (H,) of each explaining transition its place in `Observations.key`, and which of
-    the T it explains.
+    place, move: (H,) of each explaining transition, in `Observations.key` and among the T.
     """
 
     count: FloatArray

@@ -121,8 +121,7 @@ def sample_timed_decisions(
 
     policy: (S, A); parameters: (N,) of the dynamics, as `parameters_from` below makes them;
     start_distribution: (S,). mean_until_command_s: mean of the exponential time after which another
-    command ends a decision that has no outcome yet, and the policy decides anew in the same state;
-    inf for never.
+    command ends a decision without outcome, and the policy decides anew there; inf for never.
 
         truth = timed.mdp.transitions.parameters_from(table, mean_s=[1.0, 3.0], shape=6.0)
         table = timed.mdp.transitions.local_probabilities(truth)

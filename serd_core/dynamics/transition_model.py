@@ -9,8 +9,7 @@ and one successor, several entries of a row may share a successor, and
 Entries are linear in the model's *local probabilities* (the numbers that are reported, e.g. one
 table of outcomes per local model), which are a smooth function of its parameter vector.
 
-Functions of the transition probabilities, sum_g h_g(P_g) over the distinct g = (s, a, s'), have the
-second derivatives
+Functions sum_g h_g(P_g) of the distinct transitions g = (s, a, s') have the second derivatives
 
     d2 sum h(P) = sum h'(P) d2 P + sum h''(P) dP dP^T
 

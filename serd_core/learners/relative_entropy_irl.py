@@ -87,20 +87,12 @@ def fit_relative_entropy_irl(
     given = float_array("thresholds", thresholds, (len(problem.feature_names),))
     require_each("thresholds", given, given >= 0, "not be negative", "use 0 for exact matching")
     observe(problem, samples, name="samples")
-    scale = search.scale
-    dual = SampledDual(
-        wanted=scale * feature_counts(problem, decisions).mean(axis=0),
-        groups=tuple(
-            SampleGroup(
-                share,
-                scale * feature_counts(problem, each),
-                importance_log_weights(problem, each, sampling_policy),
-            )
-            for share, each in _as_long_as(problem, decisions, samples)
-        ),
-        thresholds=scale * given,
-        scale=scale,
-    )
+    scale, groups = search.scale, list[SampleGroup]()
+    for share, seen in _as_long_as(problem, decisions, samples):
+        log_weights = importance_log_weights(problem, seen, sampling_policy)
+        groups.append(SampleGroup(share, scale * feature_counts(problem, seen), log_weights))
+    wanted = scale * feature_counts(problem, decisions).mean(axis=0)
+    dual = SampledDual(wanted, tuple(groups), scale * given, scale)
     start = search.start.reward / scale
     ascent = _BoundedAscent(
         dual, reward_names(problem), largest_weight, gradient_tolerance, max_steps
@@ -153,8 +145,7 @@ def _as_long_as(
 class SampledDual:
     """g(theta) on samples, by the positive and negative parts of theta / scale, (2 F,) in a row.
 
-    wanted: (F,) phi~; thresholds: (F,) epsilon; both, and the features of the groups, times scale
-    (F,).
+    wanted: (F,) phi~; thresholds: (F,) epsilon; they and all features are times scale (F,).
     """
 
     wanted: FloatArray

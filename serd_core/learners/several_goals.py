@@ -2,8 +2,7 @@
 
     L(w) = sum over goals g of sum over decisions of g of log pi_g(a | s; w)
 
-Every goal has absorbing states, transitions and features of its own; the features have the same
-names.
+Every goal has absorbing states, transitions and features of its own, of the same names.
 """
 
 from collections.abc import Sequence
@@ -38,8 +37,7 @@ from serd_core.uncertainty.standard_errors import covariance_of
 class SharedRewards:
     """Weights of highest likelihood over all goals.
 
-    reward_weights: (F,); information: (F, F) observed; log_likelihoods: (G,) of the decisions of
-    each goal.
+    reward_weights: (F,); information: (F, F) observed; log_likelihoods: (G,) of each goal.
     """
 
     feature_names: tuple[str, ...]

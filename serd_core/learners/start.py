@@ -1,7 +1,6 @@
 """Where a fit starts: line 3 of Algorithm 1, and the reward weights of section 4.6.2.
 
-`RewardSearch` is what learners of rewards alone have in common: dynamics they take as known, and
-their result.
+`RewardSearch` is what learners of rewards alone share: dynamics taken as known, and their result.
 """
 
 from collections.abc import Callable

@@ -12,8 +12,7 @@ outcomes, then the log mean (s) of each law of dwell times, then the log shape o
 
 Some durations are given instead: a decision takes one second in states that nothing leaves, and
 where its model has no law; and it may end in its own state after a given time without a move. So a
-row of the table is a local model with the outcomes that stay, and with the pace of its state, by
-which log means are moved.
+row of the table is a local model with the outcomes that stay, and a pace that moves its log means.
 """
 
 from dataclasses import dataclass, is_dataclass, replace

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import serd_core as sc
-from serd_core.bellman import linear_solvers
+from serd_core.bellman import bellman_solver, linear_solvers
 from serd_core.bellman.linear_solvers import BandedFactor, KrylovSystem, LuFactor, kind_of
 from serd_core.errors import SerdError
 from support import graphs
@@ -60,7 +60,7 @@ def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, ki
     case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
     given, found = (case.problem, case.weights, case.probabilities), []
     for each in (LuFactor, kind):
-        monkeypatch.setattr(linear_solvers, "kind_of", lambda *_, each=each: each)
+        monkeypatch.setattr(bellman_solver, "kind_of", lambda *_, each=each: each)
         found.append(sc.soft_policy(*given))
     assert found[1].converged
     np.testing.assert_allclose(found[1].value, found[0].value, rtol=1e-10)
