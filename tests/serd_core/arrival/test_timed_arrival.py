@@ -14,6 +14,7 @@ from serd_core.arrival.chain import RenewalChain, dwell_steps, renewal_arrival, 
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import with_dwell_times
 from support.arrival_twin import arrival_by_state
+from support.refusals import refusals
 from support.small_problems import always, room
 
 ONE_STEP = np.array([[0.0, 1.0]])
@@ -148,16 +149,14 @@ def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
     assert by_periods(PROBLEM, POLICY, TABLE, 50).cdf.shape == (51, 12)
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"policy": np.tile(np.eye(5)[1], (12, 1))}, r"policy\[\d+, 1\] must be a probability of"),
-        ({"parameters": np.zeros(3)}, r"parameters must have shape \(20\), got \(3,\)"),
-        ({"problem": WORLD}, "problem must have an mdp and goal_states, got a TabularProblem"),
-        ({"problem": SimpleNamespace(mdp=WORLD.mdp, goal_states=[9])}, r"goal_states\[0\] must be"),
-    ],
+def arrival(problem=PROBLEM, policy=POLICY, n_parameters=20):
+    return lambda: timed_arrival(problem, policy, np.zeros(n_parameters), 1.0, 3)
+
+
+ELSEWHERE = SimpleNamespace(mdp=WORLD.mdp, goal_states=[9])
+test_wrong_arguments_are_refused_by_name = refusals(
+    (arrival(policy=np.tile(np.eye(5)[1], (12, 1))), r"policy\[\d+, 1\] must be a probability of"),
+    (arrival(n_parameters=3), r"parameters must have shape \(20\), got \(3,\)"),
+    (arrival(WORLD), "problem must have an mdp and goal_states, got a TabularProblem"),
+    (arrival(ELSEWHERE), r"goal_states\[0\] must be"),
 )
-def test_wrong_arguments_are_refused_by_name(change, sentence):
-    given = {"problem": PROBLEM, "policy": POLICY, "step_s": 1.0, "n_steps": 3}
-    with pytest.raises(sc.SerdError, match=sentence):
-        timed_arrival(**{"parameters": np.zeros(20)} | given | change)

@@ -79,21 +79,6 @@ def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
     np.testing.assert_allclose(start_distribution(decisions, 7)[tracks.start], 0.5)
 
 
-def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):
-    """Both pieces are samples of their own, so the fit is that of the pieces as episodes."""
-    decisions = gridworld.decisions
-    same = decisions.episode[1:] == decisions.episode[:-1]
-    inside = np.flatnonzero(same[1:] & same[:-1] & (decisions.state != decisions.next_state)[1:-1])
-    rest = decisions.select(np.arange(len(decisions)) != inside[5] + 1)
-    pieces = with_rows(rest, episode=trajectories_of(rest).of_decision)
-    assert len(trajectories_of(rest)) == len(decisions.episodes) + 1
-    fits = [
-        sc.fit_maxent_irl(gridworld.problem, rows, initial_weights=np.zeros(2)).reward_weights
-        for rows in (rest, pieces)
-    ]
-    np.testing.assert_allclose(fits[0], fits[1], rtol=1e-6)
-
-
 def test_a_trajectory_goes_on_where_states_follow_whatever_the_times():
     paused = with_rows(one_way(), time_s=[0.0, 2, 4, 16, 18, 20])
     tracks = trajectories_of(paused)
