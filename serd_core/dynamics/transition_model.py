@@ -207,7 +207,8 @@ class TransitionModel(ABC):
         return ~np.isin(np.arange(self.n_states), state[self.successor != state])
 
     @cached_property
-    def _structure(self) -> scipy.sparse.csr_array:
+    def structure(self) -> scipy.sparse.csr_array:
+        """(S*A, S) places of the entries; duplicates of a successor add up."""
         kind = index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
@@ -217,10 +218,6 @@ class TransitionModel(ABC):
     def policy_pattern(self) -> PolicyPattern:
         """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
         return policy_pattern(self.row, self.successor, self.n_states, self.n_actions)
-
-    def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
-        """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
-        return with_numbers(self._structure, entries)
 
     def require_transitions(self, local_probabilities: FloatArray) -> None:
         """SerdError naming the first (s, a) whose probabilities are no distribution."""
@@ -254,8 +251,8 @@ class Transitions:
 
     @cached_property
     def matrix(self) -> scipy.sparse.csr_array:
-        """(S*A, S) sparse matrix."""
-        return self.model.matrix(self.entries)
+        """(S*A, S) sparse matrix of P(s' | s, a)."""
+        return with_numbers(self.model.structure, self.entries)
 
     def expected(self, values: FloatArray) -> FloatArray:
         """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""

@@ -118,18 +118,19 @@ class FitResult:
             f" {self.hidden_log_likelihood:.4f} of moves with hidden actions",
             "",
         ]
-        width = max(len("reward"), *(len(name) for name in self.feature_names))
-        header, rows = f"{'reward':{width}}  {'weight':>11}", []
-        for name, weight in zip(self.feature_names, self.reward_weights, strict=True):
-            rows.append(f"{name:{width}}  {weight:11.5g}")
+        weights, width = self.reward_weights, max(map(len, ("reward", *self.feature_names)))
+        columns = [("weight", "11.5g", weights)]
         if errors is not None:
-            header += f"  {'std. error':>11}  {'z':>8}  {'2.5 %':>11}  {'97.5 %':>11}"
-            low, high = errors.reward_interval(self.reward_weights)
-            for place, (weight, error) in enumerate(
-                zip(self.reward_weights, errors.reward, strict=True)
-            ):
-                rows[place] += f"  {error:11.4g}  {weight / error:8.2f}"
-                rows[place] += f"  {low[place]:11.5g}  {high[place]:11.5g}"
+            low, high = errors.reward_interval(weights)
+            columns += [
+                ("std. error", "11.4g", errors.reward),
+                ("z", "8.2f", weights / errors.reward),
+            ]
+            columns += [("2.5 %", "11.5g", low), ("97.5 %", "11.5g", high)]
+        header, *rows = (f"{name:{width}}" for name in ("reward", *self.feature_names))
+        for title, form, values in columns:
+            header += f"  {title:>{form.partition('.')[0]}}"
+            rows = [f"{row}  {value:{form}}" for row, value in zip(rows, values, strict=True)]
         return "\n".join([*lines, header, *rows])
 
     @property

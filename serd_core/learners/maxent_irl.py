@@ -94,11 +94,7 @@ class TrajectoryModel:
 
     @cached_property
     def _log_entries(self) -> FloatArray:
-        """(E,) log P, -inf where a transition is impossible.
-
-        No floor: values of w / (1 - gamma) would make up for any. A row keeps a finite term, as it
-        sums to 1 and every state has an action.
-        """
+        """(E,) log P, -inf where a transition is impossible: values would make up for any floor."""
         entries = self.transitions.entries
         return np.log(entries, out=np.full(len(entries), -np.inf), where=entries > 0)
 

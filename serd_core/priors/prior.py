@@ -153,7 +153,14 @@ class GaussianPrior(Prior):
     mean: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_deviations(self.standard_deviation)
+        name = "standard_deviation of GaussianPrior"
+        for value in number_array(name, self.standard_deviation).ravel():
+            require_positive(name, value)
+            if not 1.0 / _LARGEST <= value <= _LARGEST:
+                raise SerdError(
+                    f"{name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got {shown(value)};"
+                    " use for example 1"
+                )
         require_kind("block of GaussianPrior", self.block, (Block,), "Block.REWARD")
         if not (is_number(self.mean) and abs(self.mean) <= _LARGEST):
             raise SerdError(
@@ -197,15 +204,3 @@ class GaussianPrior(Prior):
                 f" per parameter of the block {self.block.value}, got {len(given)}"
             )
         return np.broadcast_to(given, theta.shape)
-
-
-def _require_deviations(given: float | tuple[float, ...]) -> None:
-    """SerdError unless all are above 0, and neither too small nor too large for arithmetic."""
-    name = "standard_deviation of GaussianPrior"
-    for value in number_array(name, given).ravel():
-        require_positive(name, value)
-        if not 1.0 / _LARGEST <= value <= _LARGEST:
-            raise SerdError(
-                f"{name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got"
-                f" {shown(value)}; use for example 1"
-            )

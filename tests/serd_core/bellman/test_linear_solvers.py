@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 import serd_core as sc
 from serd_core.bellman import bellman_solver, linear_solvers
 from serd_core.bellman.linear_solvers import BandedFactor, KrylovSystem, LuFactor, kind_of
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from support import graphs
 
@@ -17,7 +18,7 @@ def random_system(random_problem, seed):
     policy = rng.random(mdp.available.shape) * mdp.available
     policy /= policy.sum(axis=1, keepdims=True)
     entries = mdp.transitions.entries(table)
-    chosen = mdp.transitions.matrix(entries).toarray().reshape(*mdp.available.shape, -1)
+    chosen = Transitions(mdp.transitions, table).matrix.toarray().reshape(*mdp.available.shape, -1)
     dense = np.eye(mdp.n_states) - 0.95 * np.einsum("sa,sat->st", policy, chosen)
     pattern = mdp.transitions.policy_pattern
     return pattern, pattern.system_data(policy, entries, 0.95), dense

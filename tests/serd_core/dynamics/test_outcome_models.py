@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.transition_model import Transitions
 from support.refusals import refusals
 
 
@@ -20,7 +21,7 @@ def test_probabilities_follow_the_gibbs_distribution_with_its_scale():
 
 def test_outcomes_that_land_in_the_same_cell_add_up():
     model = two_models()
-    dense = model.matrix(model.entries(np.array([[0.3, 0.7], [0.4, 0.6]]))).toarray()
+    dense = Transitions(model, np.array([[0.3, 0.7], [0.4, 0.6]])).matrix.toarray()
     np.testing.assert_allclose(dense[4], [0, 0, 1])
     np.testing.assert_allclose(dense[2], [0, 0.3, 0.7])
     np.testing.assert_allclose(dense.sum(axis=1), 1)
@@ -33,7 +34,7 @@ def test_pulled_back_gradient_is_the_finite_difference(seed):
     model, theta, weight = two_models(beta=1.7), rng.normal(size=4), rng.normal(size=6)
 
     def total(parameters):
-        dense = model.matrix(model.entries(model.local_probabilities(parameters)))
+        dense = Transitions(model, model.local_probabilities(parameters)).matrix
         return float(weight @ dense @ np.array([1.0, -2.0, 0.5]))
 
     entry_gradient = weight[model.row] * np.array([1.0, -2.0, 0.5])[model.successor]

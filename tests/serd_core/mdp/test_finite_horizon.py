@@ -5,6 +5,7 @@ import pytest
 from scipy.special import logsumexp
 
 import serd_core as sc
+from serd_core.dynamics.transition_model import Transitions
 from support.refusals import refusals
 
 WEIGHTS = np.array([1.5, -0.7])
@@ -36,7 +37,7 @@ def backward_induction(problem, table, features, terminal):
 def test_policies_are_those_of_backward_induction(seed):
     problem, n_periods = outcome_problem(seed), 5
     rng, model = np.random.default_rng(seed), problem.mdp.transitions
-    table = model.matrix(model.entries(TRUTH)).toarray().reshape(*model.available.shape, -1)
+    table = Transitions(model, TRUTH).matrix.toarray().reshape(*model.available.shape, -1)
     features = rng.normal(size=(n_periods, *problem.features.shape))
     terminal = rng.normal(size=(problem.mdp.n_states, 2))
     wanted = backward_induction(problem, table, features, terminal)
