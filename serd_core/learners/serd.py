@@ -75,8 +75,9 @@ def fit_serd(
     local = model.moves.local_probabilities
     require_possible(observations, problem.mdp, local(start.truth))
     posterior = Posterior(problem, observations, policy_model, UNIFORM)
+    undetermined: tuple[str, ...] = ()
     if isinstance(prior, PriorByEvidence):
-        staged, undetermined = initial_weights is None, ()
+        staged = initial_weights is None
         found = fit_by_evidence(posterior, belief, prior, start, on_step, staged=staged)
         objective, parameters, ascended = found
         prior = objective.posterior.prior

@@ -115,9 +115,14 @@ def fit_information(
     counts = np.concatenate([counts, observations.hidden.count])
     observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
     scaling = free_scaling(posterior, fit.parameters, jacobian)
+    if scaling is not None:
+        # Rounding, and an inexact maximum, leave something along it.
+        unit = scaling / np.linalg.norm(scaling)
+        across = np.eye(len(unit)) - np.outer(unit, unit)
+        observed = across @ observed @ across
     return Information(
         names=free_names(problem, fit.parameters, jacobian),
-        observed=observed if scaling is None else _flat_along(scaling, observed),
+        observed=observed,
         outer_product=(free_scores * counts[:, None]).T @ free_scores,
         gradient=assumed.belief.pull_back(at.gradient, fit.parameters),
         score_sizes=np.max(np.abs(jacobian) * sizes[:, None], axis=0),
@@ -157,13 +162,6 @@ def _scores_of_timed(
     if dwells is not None:
         scores[dwells.row, truth] += dwells.scores(parameters.truth)
     return scores[shown]
-
-
-def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
-    """(n, n) the symmetric matrix without what rounding and an inexact maximum leave along one."""
-    unit = direction / np.linalg.norm(direction)
-    across = np.eye(len(unit)) - np.outer(unit, unit)
-    return np.asarray(across @ matrix @ across)
 
 
 def _require_fitting(problem: Problem, fit: FitResult) -> None:

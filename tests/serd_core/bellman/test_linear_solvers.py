@@ -46,14 +46,11 @@ def test_solutions_are_those_of_the_dense_solver(random_problem, kind, seed):
     right_side = np.random.default_rng(seed).normal(size=(len(dense), 3))
     system = kind(pattern, data)
     np.testing.assert_array_equal(system.solve(np.zeros(len(dense))), 0)
-    np.testing.assert_allclose(
-        system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
-    )
-    np.testing.assert_allclose(
-        system.solve(right_side[:, 0], transposed=True),
-        np.linalg.solve(dense.T, right_side[:, 0]),
-        atol=1e-7,
-    )
+    exact = np.linalg.solve(dense, right_side)
+    np.testing.assert_allclose(system.solve(right_side), exact, atol=1e-7)
+    exact = np.linalg.solve(dense.T, right_side[:, 0])
+    solved = system.solve(right_side[:, 0], transposed=True)
+    np.testing.assert_allclose(solved, exact, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", [KrylovSystem, BandedFactor])
@@ -109,7 +106,5 @@ def test_a_factor_stands_by_where_krylov_does_not_get_there(make_gridworld, monk
     monkeypatch.setattr(linear_solvers, "MAX_RUNS", 1)
     helped, exact = KrylovSystem(pattern, data), LuFactor(pattern, data)
     for transposed in (False, True):
-        np.testing.assert_allclose(
-            helped.solve(right_side, transposed=transposed),
-            exact.solve(right_side, transposed=transposed),
-        )
+        solved = (each.solve(right_side, transposed=transposed) for each in (helped, exact))
+        np.testing.assert_allclose(*solved)

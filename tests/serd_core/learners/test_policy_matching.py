@@ -41,15 +41,11 @@ def test_the_loss_weighs_visited_states_and_has_the_gradient_of_differences():
 
 
 def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(gridworld):
+    given = {"inverse_temperature": 0.5, "dynamics": gridworld.probabilities}
+    given |= {"fit": sc.fit_policy_matching, "ascent": sc.Lbfgs(gradient_tolerance=np.inf)}
+
     def started(weights):
-        return fit_of(
-            gridworld,
-            weights,
-            fit=sc.fit_policy_matching,
-            inverse_temperature=0.5,
-            dynamics=gridworld.probabilities,
-            ascent=sc.Lbfgs(gradient_tolerance=np.inf),
-        )
+        return fit_of(gridworld, weights, **given)
 
     start, step = np.array([1.0, 1.5]), 1e-5 * np.eye(2)
     sides = [(started(start + s).objective, started(start - s).objective) for s in step]

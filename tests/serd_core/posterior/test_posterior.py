@@ -77,15 +77,10 @@ def test_the_likelihood_is_the_sum_over_actions_of_each_decision(
     found, model = posterior.evaluate(parameters), posterior.problem.mdp.transitions
     policy = np.exp(policy_model.log_probabilities(parameters.policy, found.solution.q))
     table, by_policy, by_move, hidden = model.local_probabilities(parameters.truth), 0.0, 0.0, 0.0
-    for s, a, following in zip(
-        decisions.state, decisions.action, decisions.next_state, strict=True
-    ):
-        moves = np.array(
-            [
-                table[model.model_of[s, each]][model.successors[s, each] == following].sum()
-                for each in range(model.n_actions)
-            ]
-        )
+    columns = decisions.state, decisions.action, decisions.next_state
+    for s, a, following in zip(*columns, strict=True):
+        leads = model.successors[s] == following
+        moves = np.sum(table[model.model_of[s]] * leads, axis=1)
         if a == sc.HIDDEN:
             hidden += np.log(policy[s] @ moves)
         else:

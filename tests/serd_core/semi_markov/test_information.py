@@ -113,10 +113,9 @@ def test_the_information_of_a_gamma_law_is_the_expected_curvature():
     assert expected("mean_shape") == pytest.approx(0.0, abs=1e-7)
 
 
-@pytest.mark.parametrize("laws", ["and patience"])
-def test_the_gain_is_that_of_the_scores_of_sampled_demonstrations(laws):
+def test_the_gain_is_that_of_the_scores_of_sampled_demonstrations():
     """A naive twin, with the scores of choices, moves and dwell times."""
-    timed, truth = timed_ring(laws)
+    timed, truth = timed_ring("and patience")
     decisions = demonstrations(timed, truth, np.random.default_rng(3), until_command_s=1e6)
     fit = sc.fit_mdce_serd(timed, decisions)
     found = sc.laplace(timed, decisions, fit)

@@ -56,10 +56,8 @@ def test_the_likelihood_of_dwell_times_has_the_derivatives_of_differences(seen):
 def test_the_likelihood_of_dwell_times_is_that_of_a_sum_over_outcomes(seen):
     timed, truth, decisions = seen
     model, dwells = timed.mdp.transitions, observe(timed, decisions).dwells
-    laws, by_decision = (
-        model.laws(truth),
-        dict(zip(dwells.row.tolist(), dwells.by_decision(truth), strict=True)),
-    )
+    laws, logs = model.laws(truth), dwells.by_decision(truth)
+    by_decision = dict(zip(dwells.row.tolist(), logs, strict=True))
     for row in range(len(decisions)):
         number = model.model_of[decisions.state[row], decisions.action[row]]
         censored, dwell_s = decisions.censored[row], decisions.dwell_s[row]
@@ -115,22 +113,12 @@ def test_where_every_move_takes_one_second_all_is_as_without_time(belief):
 
 def results(problem, decisions, belief):
     fit = sc.fit_mdce_serd(problem, decisions, belief=belief)
-    found, information = (
-        sc.laplace(problem, decisions, fit),
-        sc.fit_information(problem, decisions, fit),
-    )
+    found, information = (f(problem, decisions, fit) for f in (sc.laplace, sc.fit_information))
     known, errors = sc.outcome_information(found), sc.standard_errors(problem, information)
     of_fit = fit.objective, fit.parameters.vector, fit.outcome_probabilities, errors.reward
     of_draws = found.sample(6, np.random.default_rng(1)), known.from_transitions, known.lower
-    gain = sc.expected_information_gain(found)
-    return (
-        *of_fit,
-        *of_draws,
-        found.log_evidence,
-        gain,
-        information.observed,
-        information.outer_product,
-    )
+    more = found.log_evidence, sc.expected_information_gain(found)
+    return (*of_fit, *of_draws, *more, information.observed, information.outer_product)
 
 
 @pytest.fixture(scope="module")

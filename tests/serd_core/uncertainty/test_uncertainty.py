@@ -174,6 +174,10 @@ def random_case(seed, scale=1.0):
     return problem, sc.sample_decisions(problem.mdp, policy, n_episodes=40, n_steps=10, rng=rng)
 
 
+LEARNERS = [sc.fit_mdce_irl_by_likelihood, sc.fit_mdce_irl_by_entropy]
+LEARNERS += [sc.fit_maxent_irl, sc.fit_policy_matching]
+
+
 def test_policy_matching_alone_does_not_determine_the_scale_of_rewards():
     problem, decisions = random_case(0)
     held = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
@@ -184,15 +188,7 @@ def test_policy_matching_alone_does_not_determine_the_scale_of_rewards():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-@pytest.mark.parametrize(
-    "fit",
-    [
-        sc.fit_mdce_irl_by_likelihood,
-        sc.fit_mdce_irl_by_entropy,
-        sc.fit_maxent_irl,
-        sc.fit_policy_matching,
-    ],
-)
+@pytest.mark.parametrize("fit", LEARNERS)
 def test_units_of_features_change_no_fit(fit, scale):
     (problem, decisions), (other, same) = random_case(1), random_case(1, scale)
     wanted, found = fit_from_zero(problem, decisions, fit=fit), fit_from_zero(other, same, fit=fit)
