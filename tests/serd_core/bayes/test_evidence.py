@@ -194,12 +194,8 @@ def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
 
 def test_a_callback_follows_and_stops_the_search(gridworld):
     steps = []
-    fit = sc.fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        prior=BY_EVIDENCE,
-        on_step=lambda step: steps.append(step) or step.number == 5,
-    )
+    stop = {"on_step": lambda step: steps.append(step) or step.number == 5}
+    fit = sc.fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE, **stop)
     assert [step.number for step in steps] == [1, 2, 3, 4, 5]
     assert all(len(step.vector) in (2, 47) for step in steps)
     assert not fit.converged

@@ -15,14 +15,8 @@ from support.small_problems import apart
 
 
 def five_decisions() -> Decisions:
-    return Decisions(
-        episode=[3, 3, 3, 7, 7],
-        time_s=[0.0, 2.0, 4.0, 10.0, 12.0],
-        state=[0, 1, 1, 2, 1],
-        action=[1, 0, 0, 1, 1],
-        next_state=[1, 1, 2, 1, 2],
-        source="by hand",
-    )
+    moves = {"state": [0, 1, 1, 2, 1], "action": [1, 0, 0, 1, 1], "next_state": [1, 1, 2, 1, 2]}
+    return Decisions([3, 3, 3, 7, 7], [0.0, 2.0, 4.0, 10.0, 12.0], **moves, source="by hand")
 
 
 def test_counts_of_states_and_actions_add_up_to_the_decisions():

@@ -29,14 +29,8 @@ def test_an_unobserved_action_keeps_the_uniform_prior(minimum_example):
     assert found.error_bound < 1e-9
 
 
-TRUTH = np.array(
-    [
-        [0.1, 0.6, 0.1, 0.05, 0.15],
-        [0.3, 0.3, 0.1, 0.2, 0.1],
-        [0.1, 0.5, 0.2, 0.1, 0.1],
-        [0.7, 0.2, 0.05, 0.02, 0.03],
-    ]
-)
+TRUTH = np.array([[0.1, 0.6, 0.1, 0.05, 0.15], [0.3, 0.3, 0.1, 0.2, 0.1]] * 2)
+TRUTH[2:] = [0.1, 0.5, 0.2, 0.1, 0.1], [0.7, 0.2, 0.05, 0.02, 0.03]
 
 
 @settings(deadline=None, max_examples=20)

@@ -48,7 +48,7 @@ def random_case(kind, seed=0):
     solve = sc.optimal_policy if kind == "separable" else sc.soft_policy
     policy = solve(problem, [1.0, -1.0]).probabilities
     third = {
-        "avoided": np.broadcast_to([0.0, 0.0, 1.0], (10, 3)),
+        "avoided": np.tile([0.0, 0.0, 1.0], (10, 1)),
         "zero": np.zeros((10, 3)),
         "constant": np.ones((10, 3)),
         "sum": features @ [1.0, -2.0],

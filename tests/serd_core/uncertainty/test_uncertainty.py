@@ -26,14 +26,8 @@ def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_exampl
     """With the reward held fixed the transitions of a are coin flips: sqrt(p (1 - p) / n)."""
     action = [0] * 100 + [0, 1] * 30
     both = apart(0, action, [1] * 30 + [0] * 70 + [0, 1, 1, 0] * 15)
-    fit = sc.fit_mdce_serd(
-        minimum_example,
-        both,
-        initial_weights=np.zeros(1),
-        belief=sc.FreeBelief(),
-        prior=sc.KldPrior(1e-9),
-        ascent=sc.TrustRegion(max_steps=100),
-    )
+    given = {"belief": sc.FreeBelief(), "prior": sc.KldPrior(1e-9), "initial_weights": np.zeros(1)}
+    fit = sc.fit_mdce_serd(minimum_example, both, ascent=sc.TrustRegion(max_steps=100), **given)
     information = sc.fit_information(minimum_example, both, fit)
     errors = sc.standard_errors(minimum_example, information, information.outer_product)
     share = fit.outcome_probabilities[0, 1]
