@@ -29,14 +29,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 from scipy.special import gammainc
 
+from serd_core import checks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.checks import (
-    chosen_indices,
-    float_array,
-    require_count,
-    require_memory,
-    require_positive,
-)
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import require_problem
@@ -60,7 +54,7 @@ def goal_mask(problem: GoalProblem) -> BoolArray:
     require_problem(problem, "goal_states", "NavigationProblem")
     n_states = problem.mdp.n_states
     mask = np.zeros(n_states, dtype=np.bool_)
-    mask[chosen_indices("goal_states", problem.goal_states, n_states, "a state")] = True
+    mask[checks.chosen_indices("goal_states", problem.goal_states, n_states, "a state")] = True
     return mask
 
 
@@ -253,9 +247,9 @@ def timed_arrival(
     """
     goal, mdp = goal_mask(problem), problem.mdp
     choice, model = checked_policy("policy", policy, mdp), mdp.transitions
-    require_positive("step_s", step_s, "use 0.1")
-    require_count("n_steps", n_steps, 0, "the time-out's")
-    theta = float_array("parameters", parameters, (model.n_parameters,))
+    checks.require_positive("step_s", step_s, "use 0.1")
+    checks.require_count("n_steps", n_steps, 0, "the time-out's")
+    theta = checks.float_array("parameters", parameters, (model.n_parameters,))
     if isinstance(model, SemiMarkovModels):
         laws = model.laws(theta)
         pairs = np.stack([laws.mean_s, laws.shape], axis=2).reshape(-1, 2)
@@ -295,7 +289,7 @@ def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: i
 def renewal_arrival(chain: RenewalChain, mass: FloatArray, n_steps: int) -> ArrivalByState:
     """The arrival by a chain; moves of class c take j steps with the probability mass[c, j]."""
     size = n_steps + 1
-    require_memory(
+    checks.require_memory(
         f"arrival within {n_steps} steps from each of {len(chain.goal)} states",
         _ARRAYS * 8.0 * size * len(chain.goal),
         "take an earlier time-out, longer steps or larger cells",

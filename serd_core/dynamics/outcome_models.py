@@ -13,19 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
+from serd_core import checks
 from serd_core.arrays import BoolArray, FloatArray, IntArray, padded
-from serd_core.checks import (
-    BYTES_PER_PAIR,
-    bool_array,
-    float_array,
-    int_array,
-    is_number,
-    require_each,
-    require_index,
-    require_memory,
-    require_positive,
-    shown,
-)
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
@@ -64,27 +53,27 @@ class OutcomeModels(TransitionModel):
     n_others: int = 0
 
     def __post_init__(self) -> None:
-        successors = int_array("successors", self.successors, (None, None, None))
+        successors = checks.int_array("successors", self.successors, (None, None, None))
         pairs = successors.shape[:2]
-        available = bool_array("available", self.available, pairs)
-        model_of = int_array("model_of", self.model_of, pairs)
-        require_positive("beta", self.beta, "use 1.0")
+        available = checks.bool_array("available", self.available, pairs)
+        model_of = checks.int_array("model_of", self.model_of, pairs)
+        checks.require_positive("beta", self.beta, "use 1.0")
         if not successors.size:
             raise SerdError(
                 f"successors must hold a state, an action and an outcome, got shape"
                 f" {successors.shape}; give each state an action"
             )
         count = self.n_models
-        if not (is_number(count) and count >= 1 and float(count).is_integer()):
+        if not (checks.is_number(count) and count >= 1 and float(count).is_integer()):
             raise SerdError(
-                f"n_models must be a whole number of at least 1, got {shown(count)};"
+                f"n_models must be a whole number of at least 1, got {checks.shown(count)};"
                 " count the rows of the outcome table"
             )
-        require_index("successors", successors, pairs[0], "a state", available[:, :, None])
-        require_index("model_of", model_of, self.n_models, "a model", available)
+        checks.require_index("successors", successors, pairs[0], "a state", available[:, :, None])
+        checks.require_index("model_of", model_of, self.n_models, "a model", available)
         if self.intended is not None:
-            intended = int_array("intended", self.intended, (self.n_models,))
-            require_index("intended", intended, successors.shape[2], "an outcome")
+            intended = checks.int_array("intended", self.intended, (self.n_models,))
+            checks.require_index("intended", intended, successors.shape[2], "an outcome")
             object.__setattr__(self, "intended", intended)
         object.__setattr__(self, "successors", successors)
         object.__setattr__(self, "model_of", model_of)
@@ -180,7 +169,7 @@ class OutcomeModels(TransitionModel):
         probabilities = self.known_probabilities(initial)
         rule = "be above 0 to have a finite energy"
         fix = "use a positive pseudo-count, or FixedBelief() where dynamics are not learned"
-        require_each("probabilities", probabilities, probabilities > 0, rule, fix)
+        checks.require_each("probabilities", probabilities, probabilities > 0, rule, fix)
         energies = np.log(probabilities) / self.beta
         centred = np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
         return padded(centred, (self.n_parameters,))
@@ -201,10 +190,10 @@ class OutcomeModels(TransitionModel):
         name, table = "outcome probabilities", np.asarray(known, dtype=np.float64)
         self._require_table(table)
         possible = np.isfinite(table) & (table >= 0)
-        require_each(name, table, possible, "be finite and not negative", "repair that row")
+        checks.require_each(name, table, possible, "be finite and not negative", "repair that row")
         sums = np.sum(table, axis=1)
         is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE
-        require_each(name, sums, is_one, "sum to 1", "normalise that row")
+        checks.require_each(name, sums, is_one, "sum to 1", "normalise that row")
         return table
 
     def _require_table(self, table: FloatArray) -> None:
@@ -231,22 +220,22 @@ class SparseModel(TransitionModel):
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
-        pairs = int_array("n_pairs", self.n_pairs, (2,))
+        pairs = checks.int_array("n_pairs", self.n_pairs, (2,))
         if pairs.min() < 1:
             raise SerdError(
                 f"n_pairs must be at least one state and one action, got {self.n_pairs};"
                 " pass (S, A)"
             )
         object.__setattr__(self, "n_pairs", (int(pairs[0]), int(pairs[1])))
-        require_memory(
+        checks.require_memory(
             f"a table of {pairs[0]} states and {pairs[1]} actions",
-            BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
+            checks.BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
             "number states and actions from 0 without gaps",
         )
         sizes = {"state": pairs[0], "action": pairs[1], "next_state": pairs[0]}
         for name, size in sizes.items():
-            column = int_array(name, getattr(self, name), (n_entries,))
-            require_index(name, column, size, f"a {name.replace('_', ' ')}")
+            column = checks.int_array(name, getattr(self, name), (n_entries,))
+            checks.require_index(name, column, size, f"a {name.replace('_', ' ')}")
             object.__setattr__(self, name, column)
 
     @cached_property
@@ -313,7 +302,7 @@ def fixed_transitions(
 
         stays = sc.Mdp(sc.fixed_transitions((2, 1), [0, 1], [0, 0], [0, 1], [1.0, 1.0]), 0.9)
     """
-    known = float_array("probability", probability, (len(np.atleast_1d(state)),))
+    known = checks.float_array("probability", probability, (len(np.atleast_1d(state)),))
     model = SparseModel(n_pairs, state, action, next_state, known)
     model.require_transitions(known)
     return model

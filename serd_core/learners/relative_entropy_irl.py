@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from serd_core import checks
 from serd_core.arrays import FloatArray, described, weighted_counts
 from serd_core.ascent.ascent import (
     Ascent,
@@ -26,13 +27,6 @@ from serd_core.ascent.ascent import (
     StepCallback,
     minimise,
     vanishing,
-)
-from serd_core.checks import (
-    float_array,
-    require_count,
-    require_each,
-    require_positive,
-    require_share,
 )
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
@@ -82,10 +76,12 @@ def fit_relative_entropy_irl(
             problem, decisions, samples=samples, sampling_policy=policy.probabilities,
             thresholds=sc.hoeffding_thresholds(problem, 30), rng=rng)
     """
-    require_positive("largest_weight", largest_weight, "use 100")
+    checks.require_positive("largest_weight", largest_weight, "use 100")
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
-    given = float_array("thresholds", thresholds, (len(problem.feature_names),))
-    require_each("thresholds", given, given >= 0, "not be negative", "use 0 for exact matching")
+    given = checks.float_array("thresholds", thresholds, (len(problem.feature_names),))
+    checks.require_each(
+        "thresholds", given, given >= 0, "not be negative", "use 0 for exact matching"
+    )
     observe(problem, samples, name="samples")
     scale, groups = search.scale, list[SampleGroup]()
     for share, seen in _as_long_as(problem, decisions, samples):
@@ -218,7 +214,7 @@ def importance_log_weights(
 ) -> FloatArray:
     """(N,) log U_Q(tau) - log U_a(tau) of each sampled trajectory, Q being uniform."""
     available = problem.mdp.available
-    made_by = float_array("sampling_policy", sampling_policy, available.shape)
+    made_by = checks.float_array("sampling_policy", sampling_policy, available.shape)
     chosen = made_by[samples.state, samples.action]
     if (bad := np.flatnonzero(~(chosen > 0))).size:
         first = int(bad[0])
@@ -242,8 +238,8 @@ def hoeffding_thresholds(
         thresholds = sc.hoeffding_thresholds(problem, len(decisions.episodes), horizon=50)
     """
     require_problem(problem)
-    require_share("confidence", confidence)
-    require_count("n_episodes", n_episodes, 1, "100")
+    checks.require_share("confidence", confidence)
+    checks.require_count("n_episodes", n_episodes, 1, "100")
     observable, discount = problem.features[problem.mdp.available], problem.mdp.discount
     series = (1.0 - discount**horizon) / (1.0 - discount)
     spread = series * observable.max(axis=0) - series * observable.min(axis=0)
