@@ -308,12 +308,8 @@ def fit_by_evidence(
     ascended = search.maximise(objective)
     if failure:
         ascended = replace(ascended, converged=False, message=failure)
-    counted = replace(
-        ascended,
-        objective_trace=np.array(search.trace),
-        n_steps=len(search.trace),
-        n_evaluations=search.n_evaluations,
-    )
+    trace, n = np.array(search.trace), search.n_evaluations
+    counted = replace(ascended, objective_trace=trace, n_steps=len(trace), n_evaluations=n)
     return objective, search.space.parameters(search.mode), counted
 
 
