@@ -23,7 +23,7 @@ from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import cut_off_ends, feature_counts
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.serd import UNIFORM, fit_serd
+from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.learners.start import reward_search
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
@@ -59,10 +59,9 @@ def fit_mdce_irl_by_likelihood(
 
         fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
     """
-    return fit_serd(
+    return fit_mdce_serd(
         problem,
         decisions,
-        MdcePolicy(),
         initial_weights=initial_weights,
         rng=rng,
         dynamics=dynamics,
