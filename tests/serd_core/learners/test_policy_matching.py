@@ -11,12 +11,6 @@ from support.small_problems import apart, fit_of, sampled
 SCALE = sc.GaussianPrior(0.1, sc.Block.POLICY, mean=1.0)
 
 
-def boltzmann_decisions(case, temperature, n_episodes, n_steps, seed=0):
-    policy = sc.boltzmann_policy(case.problem, case.weights, case.probabilities, temperature)
-    table = case.probabilities
-    return sampled(case.problem, policy.probabilities, table, n_episodes, n_steps, seed)
-
-
 def test_cloned_counts_are_smoothed_over_the_available_actions(minimum_example):
     decisions = apart(0, 0, [0, 0, 1])
     policy = sc.clone_behaviour(minimum_example, decisions, pseudo_count=0.5)
@@ -55,7 +49,8 @@ def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature
 
 def test_a_fit_that_ends_on_a_kink_is_certified(make_gridworld):
     case = make_gridworld(side=8, discount=0.99, n_episodes=1)
-    decisions = boltzmann_decisions(case, 2.0, 20, 30, 20)
+    policy = sc.boltzmann_policy(case.problem, case.weights, case.probabilities, 2.0)
+    decisions = sampled(case.problem, policy.probabilities, case.probabilities, 20, 30, 20)
     given = {"initial_weights": np.ones(2), "prior": SCALE + sc.DirichletPrior(1.0)}
     fit = sc.fit_pm_serd(case.problem, decisions, **given)
     assert fit.converged, fit.message
