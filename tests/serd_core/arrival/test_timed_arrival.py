@@ -20,11 +20,10 @@ from support.small_problems import always, room
 ONE_STEP = np.array([[0.0, 1.0]])
 
 
-def line(n_moves, dwell=None):
+def line(n_moves):
     """States 0 to n, each of which leads to the next one."""
     state, goal = np.arange(n_moves), np.arange(n_moves + 1) == n_moves
-    classes = np.zeros(n_moves, int) if dwell is None else np.asarray(dwell)
-    return RenewalChain(state, state + 1, np.ones(n_moves), classes, goal)
+    return RenewalChain(state, state + 1, np.ones(n_moves), np.zeros(n_moves, int), goal)
 
 
 def by_periods(problem, policy, table, n_steps):
