@@ -7,7 +7,7 @@ _OBEYED = re.compile("[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
 class SerdError(ValueError):
-    """An input breaks a rule; the sentence names the argument, the rule, the value and the fix."""
+    """The error of wrong input: a sentence with the argument, the rule, the value and the fix."""
 
     def __str__(self) -> str:
         """The message as one line, whatever line ends the value received contains."""

@@ -17,7 +17,7 @@ from serd_core.ascent.ascent import (
     largest,
 )
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe_in
+from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_serd
@@ -115,7 +115,7 @@ def fit_serd_with_early_stopping(
     on_step: StepCallback | None = None,
 ) -> FitResult:
     """`fit_serd` on the (training) decisions, ended by the likelihood of the validation ones."""
-    observe_in(problem, decisions)  # rejects what no learner takes
+    observe(problem, decisions)  # rejects what no learner takes
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=True)
     like = starting_parameters(problem, policy_model, weights, given)
@@ -142,7 +142,7 @@ def validation_score(
 
     like: parameters of the fit's block lengths (and of its fixed blocks).
     """
-    observations = observe_in(problem, decisions)
+    observations = observe(problem, decisions)
     posterior = Posterior(problem, observations, policy_model, UniformPrior())
 
     def score(vector: FloatArray) -> float:

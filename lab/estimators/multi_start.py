@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.cluster.hierarchy
 
-from serd_core.arrays import FloatArray, IntArray, require_count, require_generator
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import require_count, require_generator
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, is_number, require_kind, require_positive, shown
+from serd_core.arrays import FloatArray
+from serd_core.checks import is_number, require_kind, require_positive, shown
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     dynamics_gradient,

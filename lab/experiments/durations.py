@@ -216,7 +216,7 @@ def counted_draws(
 ) -> FloatArray:
     """(n, N) draws of counted dwell times, by Laplace's approximation, and counted outcomes."""
     models, drawn = require_timed(problem.mdp.transitions), np.tile(theta, (n, 1))
-    dwells = observe(problem.mdp, decisions).dwells
+    dwells = observe(problem, decisions).dwells
     assert dwells is not None
     information = PRIOR.precision(models) - dwells.hessian(theta)
     laws = slice(models.means.start, models.n_parameters)

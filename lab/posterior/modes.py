@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from serd_core.arrays import FloatArray, require_count, require_generator
+from serd_core.arrays import FloatArray
 from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.bayes.laplace import (
     N_DRAWS,
@@ -20,6 +20,7 @@ from serd_core.bayes.laplace import (
     laplace_at,
     log_posterior_of,
 )
+from serd_core.checks import require_count, require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult

@@ -11,14 +11,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    int_array,
-    require_count,
-    require_index,
-)
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import float_array, int_array, require_count, require_index
 from serd_core.dynamics.transition_model import places_of
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import unique_names

@@ -27,9 +27,10 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from lab.routes.network import RouteNetwork, Trips
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.ascent.ascent import Objective, Scaled
+from serd_core.ascent.trust_region import NewtonAscent
+from serd_core.checks import (
     float_array,
     int_array,
     require_each,
@@ -37,8 +38,6 @@ from serd_core.arrays import (
     require_index,
     require_memory,
 )
-from serd_core.ascent.ascent import Objective, Scaled
-from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.errors import SerdError
 from serd_core.learners.certificate import judged_weights
 from serd_core.uncertainty.standard_errors import covariance_of

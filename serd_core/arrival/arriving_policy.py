@@ -130,8 +130,7 @@ def least_time_policy(
 ) -> Policy:
     """The policy of the least expected time to a goal, which is its -value in seconds.
 
-    outcome_probabilities: (M, K); seconds: (S, A) mean of each decision. Waits only where no action
-    leads to another cell.
+    outcome_probabilities: (M, K); seconds: (S, A) mean of each. Waits where no action leads on.
     """
     models = problem.outcome_models
     assert models.intended is not None  # of every navigation problem

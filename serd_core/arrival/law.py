@@ -13,7 +13,8 @@ import numpy as np
 import scipy  # loads special and stats at their first use
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, IntArray, shown
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import shown
 from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.
@@ -58,8 +59,7 @@ class ArrivalLaw:
 class EmpiricalArrival:
     """Share of episodes that arrived, as a step function with a band.
 
-    times_s: (n,) 0, the distinct times of arrival, the horizon; cdf, lower, upper: (n,) from each
-    time up to the next.
+    times_s: (n,) 0, times of arrival, the horizon; cdf, lower, upper: (n,) from each to the next.
     """
 
     times_s: FloatArray
@@ -148,11 +148,13 @@ DELAYS = np.round(np.arange(1.02, 3.001, 0.02), 2)
 
 
 def crps_s(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
-    """Mean continuous ranked probability score (s) of measured times, inf without an arrival.
+    """Score a predicted law F of arrival by measured times: the mean CRPS in seconds, 0 at best.
 
         CRPS = integral over t of (F(t) - 1[T <= t])^2 up to the last step of the law
 
-    (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007). SerdError without a time.
+    (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007). law: a
+    `serd_core.arrival.law.ArrivalLaw(times_s, cdf, arrival_probability)`; arrival_times_s: (N,),
+    inf for who did not arrive. SerdError without a time, or for NaN.
     """
     measured = _measured(arrival_times_s)
     # Between two steps of the law, or of a measured time, both functions are constant.
@@ -168,11 +170,11 @@ def largest_gap(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
 
 
 def gap_probability(law: ArrivalLaw, arrival_times_s: ArrayLike, seed: int = 0) -> float:
-    """Probability of a gap as large as that of the measured times if the law is right.
+    """Test a predicted law of arrival: probability of a gap as large as measured, if it is right.
 
-    By series drawn from the law itself, which may have steps and need not reach 1. Where it is the
-    mean of draws of a posterior, each series is drawn from one of these, as the world is one.
-    SerdError without a time.
+    The gap is the largest difference of law and measured shares, (N,) times as in `crps_s`. Series
+    are drawn from the law, which may have steps and need not reach 1. Where it is the mean of draws
+    of a posterior, each series is drawn from one of these, as the world is one.
     """
     gap = largest_gap(law, arrival_times_s)
     by_chance = _gaps_by_chance(law, np.size(arrival_times_s), 1.0, N_SERIES, seed)
@@ -180,9 +182,10 @@ def gap_probability(law: ArrivalLaw, arrival_times_s: ArrayLike, seed: int = 0) 
 
 
 def detectable_delay(law: ArrivalLaw, n: int, seed: int = 0) -> float:
-    """Least factor by which n drives must be slower for the test to notice in four of five series.
+    """Least factor by which n drives must be slower for `gap_probability` to notice it.
 
-    The test rejects at 5 %. inf where 3 times as slow are not noticed.
+    It notices what is below 5 % in four of five series. law: as in `crps_s`. Returns inf where 3
+    times as slow are not noticed.
     """
     limit = float(np.quantile(_gaps_by_chance(law, n, 1.0, N_SERIES, seed), 1.0 - LEVEL))
     low, high = 0, len(DELAYS)

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.optimize
 
-from serd_core.arrays import FloatArray, first_index, gradient_differences, is_number, shown
+from serd_core.arrays import FloatArray, first_index, gradient_differences
+from serd_core.checks import is_number, shown
 from serd_core.errors import SerdError
 
 #: Why an ascent ended.

@@ -35,11 +35,12 @@ STALLED = "not converged: no step gains anything and the gradients around do not
 
 @dataclass(frozen=True)
 class KinkedAscent(Ascent):
-    """An ascent for objectives with kinks: a smooth one, then BFGS from where that one stalled.
+    """The ascent of `fit_pm_serd`, whose objective has kinks: a smooth one, then BFGS to a kink.
 
     gradient_tolerance: for the gradient, or the smallest mean of the gradients around; around means
     within neighbourhood * max(1, |x|). The gradient norm of the result is that of this mean.
     longest_step: bound of |x - previous x|; a logarithm among x must not run away in one step.
+    SerdError for a tolerance or number of steps below 0.
     """
 
     smooth: Ascent = field(default_factory=TrustRegion)
@@ -94,8 +95,11 @@ class _Run:
         longest = self.settings.longest_step / max(float(np.linalg.norm(direction)), TINY)
         short, long, length, found = 0.0, np.inf, min(1.0, longest), None
         for _ in range(MAX_TRIALS):
-            there = self._visit(self.here.vector + length * direction)
-            if not self._gains(there, GAIN * length * slope):
+            there = self.climb.evaluate(self.here.vector + length * direction)
+            if np.isfinite(there.value):
+                self.seen.append(there)
+            gain = there.value - self.here.value
+            if not (gain > 0.0 and there.value >= self.here.value + GAIN * length * slope):
                 long = length
             elif float(there.gradient @ direction) > LOWER * slope:
                 short, found = length, there
@@ -105,10 +109,6 @@ class _Run:
                 return found
             length = min(2.0 * short, longest) if np.isinf(long) else 0.5 * (short + long)
         return found
-
-    def _gains(self, there: Point, wanted: float) -> bool:
-        """Whether a point is higher by as much as wanted, and higher at all."""
-        return there.value >= self.here.value + wanted and there.value > self.here.value
 
     def _across_kinks(self) -> Point | None:
         """A gain along the smallest mean of the gradients around, as the metric measures them."""
@@ -127,12 +127,6 @@ class _Run:
                 min(self._points_around(), key=lambda point: float(point.gradient @ direction))
             )
         return None
-
-    def _visit(self, vector: FloatArray) -> Point:
-        point = self.climb.evaluate(vector)
-        if np.isfinite(point.value):
-            self.seen.append(point)
-        return point
 
     def gradients_around(self) -> FloatArray:
         """(k, n) gradients seen within the neighbourhood, the present one first."""

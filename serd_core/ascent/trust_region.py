@@ -188,7 +188,7 @@ class NewtonAscent(Ascent):
     """An ascent of log densities (not means), in a trust region until the Newton step is short.
 
     short: longest Newton step of a maximum, in standard errors, which the gradient norm of the
-    result is.
+    result is. Radii are lengths of steps in the units of the parameters.
     """
 
     tolerance = "short"

@@ -23,9 +23,10 @@ import numpy as np
 import scipy.sparse
 from scipy.special import gammaln, psi
 
-from serd_core.arrays import FloatArray, IntArray, floored, require_share, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
 from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.checks import require_share
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
@@ -89,8 +90,7 @@ def named_source(**nats: float) -> str:
 def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation:
     """Compute what informed each outcome model of a fit: moves, choices, or the prior alone.
 
-    found: of `laplace`; mass: share of the posterior that intervals hold. SerdError where the fit
-    learned no outcome models.
+    found: of `laplace`; mass: of intervals. SerdError where the fit learned no outcome models.
 
         known = sc.outcome_information(found)
         print([known.source(model) for model in range(n_models)])
@@ -100,7 +100,10 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
     problem, at = found.problem, space.parameters(found.mode)
     models, group = learned_outcomes(found)
     pseudo_count = pseudo_count_of(posterior.prior, group)
-    n_decisions = _observations(posterior, models)
+    seen = posterior.observations
+    state, action = np.divmod(seen.key // models.n_states, models.n_actions)
+    of_model = models.model_of[state, action]
+    n_decisions = weighted_counts(of_model, seen.group_count, models.n_models)
     counted, precision = _counted(posterior, models, pseudo_count)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
@@ -166,13 +169,6 @@ def _counted(
     return energies, basis @ blocks @ basis.T
 
 
-def _observations(posterior: Posterior, models: OutcomeModels) -> FloatArray:
-    """(M,) transitions that were observed of each outcome model."""
-    seen = posterior.observations
-    state, action = np.divmod(seen.key // models.n_states, models.n_actions)
-    return weighted_counts(models.model_of[state, action], seen.group_count, models.n_models)
-
-
 def _joint_covariance(found: Laplace, models: OutcomeModels) -> FloatArray:
     """Covariance of reward weights, then of the coordinates of each true outcome model."""
     space = found.coordinates
@@ -220,7 +216,7 @@ def _mutual_information(covariance: FloatArray, one: IntArray, other: IntArray) 
 def expected_information_gain(found: Laplace, *, longest: int = 200) -> FloatArray:
     """Compute the (S,) nats that one more demonstration from each state is expected to add.
 
-    longest: decisions of a demonstration.
+    found: of `laplace`; longest: decisions of a demonstration.
 
         start = sc.expected_information_gain(found).argmax()
     """
@@ -239,12 +235,9 @@ def expected_information_gain(found: Laplace, *, longest: int = 200) -> FloatArr
     if isinstance(model, SemiMarkovModels) and model.n_laws:
         one += _of_dwell_times(model, policy, at, table)
     n_states, size = len(one), one.shape[1]
-    weights = policy.ravel()[:, None]
-    step = true.matrix.multiply(weights).tocsr()
-    pairs = scipy.sparse.kron(
-        scipy.sparse.csr_array(scipy.sparse.identity(n_states)), np.ones((1, problem.mdp.n_actions))
-    )
-    going = (pairs @ step).tocsr()
+    moved, row = true.entries * policy.ravel()[true.model.row], true.model.row
+    places = row // problem.mdp.n_actions, true.model.successor
+    going = scipy.sparse.csr_array((moved, places), shape=(n_states, n_states))
     remaining = (~problem.mdp.final).astype(np.float64)
     flat = one.reshape(n_states, -1) * remaining[:, None]
     total, left = flat.copy(), remaining.copy()
@@ -266,13 +259,8 @@ def _of_choices(
 ) -> FloatArray:
     """(S, d, d) covariance of the derivatives of Q over the actions of a state."""
     mdp, policy = problem.mdp, solution.policy
-    by_q = sensitivities(
-        mdp,
-        problem.features,
-        believed,
-        solution,
-        mdp.transitions.local_jacobian(at.belief),
-    ).by_q
+    by_local = mdp.transitions.local_jacobian(at.belief)
+    by_q = sensitivities(mdp, problem.features, believed, solution, by_local).by_q
     by_u = by_q @ table[: by_q.shape[2]]
     mean = np.einsum("sa,sau->su", policy, by_u)
     root = np.sqrt(policy)[:, :, None] * (by_u - mean[:, None, :])

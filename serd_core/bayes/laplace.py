@@ -25,8 +25,9 @@ import numpy as np
 import scipy.linalg
 from scipy.special import gammaincinv, gammaln, ndtr
 
-from serd_core.arrays import FloatArray, IntArray, require_count, require_generator, require_kind
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.sweeps import needs_sweeps, swept
+from serd_core.checks import require_count, require_generator, require_kind
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -86,24 +87,22 @@ class Laplace:
     def _approximate(self, n: int, rng: np.random.Generator) -> FloatArray:
         """(n, d) draws of the approximation, whose outcome models have Dirichlet distributions.
 
-        Normal energies make outcomes that were never seen likelier on average than they are at the
-        mode, the more so the lower the pseudo-count. So normal draws of outcome models are mapped
-        to those of Dirichlet(r), r = N P*. With e_k their deviations from the mode and z a standard
-        normal number,
+        Normal energies would make unseen outcomes likelier on average than at the mode. So normal
+        draws of outcome models are mapped to those of Dirichlet(r), r = N P*. With e_k their
+        deviations from the mode and z a standard normal number,
 
             y_k = e_k - sum_j P*_j e_j + z / sqrt(N)
             P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k quantiles of Gamma(r_k)
 
         Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
-        draw of the posterior itself. Weights stay normal, and depend on outcomes as before.
-        Normal draws are in pairs that mirror each other, so that the mean of the weights is their
-        mode.
+        draw of the posterior itself. Weights stay normal, and depend on outcomes as before. Draws
+        are in pairs that mirror each other, so that the mean of the weights is their mode.
         """
         half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
         table, drawn = self.coordinates.table, self.mode + _mirrored(n, half) @ self.root.T
         free = drawn @ table.T
         for block in _dirichlet_blocks(self.posterior, self.coordinates, self.mode, self.root):
-            worth, shape = _worth(block.table, block.spread), block.table.shape
+            worth, shape = block.worth, block.table.shape
             moved = (drawn - self.mode) @ table[block.place].T
             energies = block.beta * moved.reshape(n, *shape)
             total = _mirrored(n, rng.standard_normal(((n + 1) // 2, shape[0], 1)))
@@ -146,7 +145,8 @@ def laplace_at(
 def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
     """Approximate the posterior at a fit by a normal distribution (Laplace).
 
-    SerdError where the fit has a prior that is no density, or is no maximum.
+    Returns mode (d,), root (d, d) of the covariance, and log_evidence in nats. SerdError where the
+    fit has a prior that is no density, or is no maximum.
 
         found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions))
         print(found.log_evidence, sc.laplace_draws(found, rng, 400))
@@ -168,7 +168,7 @@ def log_posterior_of(problem: Problem, decisions: Decisions, fit: FitResult) -> 
     prior, belief = assumed.whole_prior, assumed.belief
     space = coordinates(problem, belief, fit.parameters)
     require_densities(prior, space, timed=has_laws(problem.mdp.transitions))
-    observations = observe(problem.mdp, decisions)
+    observations = observe(problem, decisions)
     posterior = Posterior(problem, observations, assumed.policy_model, prior)
     return LogPosterior(posterior, space)
 
@@ -177,9 +177,8 @@ def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: F
     """What the approximation lacks of the integrals over outcome models."""
     total = 0.0
     for block in _dirichlet_blocks(posterior, space, mode, root):
-        worth = _worth(block.table, block.spread)
-        by_model = _stirling(worth[:, None] * block.table).sum(axis=1) - _stirling(worth)
-        total += float(np.sum(by_model))
+        by_outcome = _stirling(block.worth[:, None] * block.table)
+        total += float(np.sum(by_outcome.sum(axis=1) - _stirling(block.worth)))
     return total
 
 
@@ -191,13 +190,13 @@ def _mirrored(n: int, half: FloatArray) -> FloatArray:
 class _DirichletBlock:
     """Outcome models whose posterior is taken as close to Dirichlet distributions.
 
-    place: their rows of the free numbers; table: (M, K) at the mode; spread:
-    (M, K, d) root of the covariance of their log odds; beta: scale of the energies.
+    place: their rows of the free numbers; table: (M, K) at the mode; worth: (M,) observations N
+    that the covariances of their log odds are worth; beta: scale of the energies.
     """
 
     place: slice
     table: FloatArray
-    spread: FloatArray
+    worth: FloatArray
     beta: float
 
 
@@ -215,13 +214,9 @@ def _dirichlet_blocks(
         spread = model.beta * (space.table[place] @ root)
         spread = spread.reshape(model.n_models, model.n_outcomes, -1)
         table = model.local_probabilities(parameters.block(group[0]))
-        yield _DirichletBlock(place, table, spread, model.beta)
-
-
-def _worth(table: FloatArray, spread: FloatArray) -> FloatArray:
-    """(M,) observations N that the covariances are worth."""
-    centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
-    return np.asarray((table.shape[1] - 1) / np.einsum("mk,mkd->m", table, centred**2))
+        centred = spread - np.einsum("mk,mkd->md", table, spread)[:, None]
+        worth = (model.n_outcomes - 1) / np.einsum("mk,mkd->m", table, centred**2)
+        yield _DirichletBlock(place, table, worth, model.beta)
 
 
 def _stirling(x: FloatArray) -> FloatArray:
@@ -323,14 +318,25 @@ def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> P
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
-    """n draws of the posterior that start at Laplace's approximation (`Laplace.sample`)."""
+    """Draw n times from the posterior that `laplace` approximates.
+
+    Returns reward (n, F), outcome_probabilities (n, M, K) and others. Where outcomes share a
+    successor, up to 64 draws are independent; further ones are later states of the same chains.
+
+        draws = sc.laplace_draws(sc.laplace(problem, decisions, fit), rng, 100)
+    """
     require_count("n", n, 2, f"{N_DRAWS}")
     require_generator(rng)
     return draws_at(found.problem, found.coordinates, found.sample(n, rng))
 
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
-    """(S, A) soft policy averaged over the draws, of the problem they are of or of another task."""
+    """Average the soft policy (S, A) over draws, of the problem they are of or of another task.
+
+    draws: of `laplace_draws`.
+
+        policy = sc.posterior_policy(other_problem, sc.laplace_draws(found, rng))
+    """
     return averaged_policy(problem, draws.reward, draws.believed_outcome_probabilities)
 
 

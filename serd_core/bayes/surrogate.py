@@ -50,8 +50,7 @@ class OutcomeGroup:
 class ExactPart:
     """What is exact at n points.
 
-    log_policy: (n, p) of the observed pairs; values: (n, S), solutions of Bellman's equation;
-    log_others: (n,) log N.
+    log_policy: (n, p) of the observed pairs; values: (n, S) V; log_others: (n,) log N.
     """
 
     log_policy: FloatArray
@@ -173,20 +172,17 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
     once, (n_states, n_actions, size) = model.successors, model.successors.shape
     successors = once + mdp.n_states * number[..., None]
     shape = n * n_states, n_actions, size
-    copies = OutcomeModels(
-        successors=np.broadcast_to(successors.reshape(n * n_states, -1, size), shape),
-        model_of=(model.model_of + model.n_models * number).reshape(shape[:2]),
-        available=np.tile(model.available, (n, 1)),
-        n_models=n * model.n_models,
-        beta=model.beta,
-    )
-    return Mdp(copies, mdp.discount)
+    successors = np.broadcast_to(successors.reshape(n * n_states, -1, size), shape)
+    model_of = (model.model_of + model.n_models * number).reshape(shape[:2])
+    available, n_models = np.tile(model.available, (n, 1)), n * model.n_models
+    return Mdp(OutcomeModels(successors, model_of, available, n_models, model.beta), mdp.discount)
 
 
 def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
     """Both densities of a posterior of outcome models, around (d,) coordinates of its mode."""
     mdp, at, belief = posterior.problem.mdp, space.parameters(mode), space.belief
-    others = [each for each in terms_of(posterior.prior) if not isinstance(each, DirichletPrior)]
+    priors = posterior.prior
+    others = [each for each in terms_of(priors) if not isinstance(each, DirichletPrior)]
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
     believed, _, solution, _ = without.solved(at)
     by_local = np.eye(believed.local_probabilities.size)
@@ -201,16 +197,11 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         gradient += at.zeros().with_block(Block.TRUTH, seen.dwells.evaluate(at.truth)[1])
         hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
     size = require_outcome_models(mdp.transitions, "this density").n_energies
-    groups = [
-        OutcomeGroup(
-            blocks,
-            place,
-            slice(place.start + size, place.stop),
-            pseudo_count_of(posterior.prior, blocks),
-        )
-        for blocks, place in belief.places(at)
-        if Block.REWARD not in blocks
-    ]
+    groups = []
+    for blocks, place in belief.places(at):
+        if Block.REWARD not in blocks:
+            laws, count = slice(place.start + size, place.stop), pseudo_count_of(priors, blocks)
+            groups.append(OutcomeGroup(blocks, place, laws, count))
     return Surrogate(
         posterior=without,
         space=space,

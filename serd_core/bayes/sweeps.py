@@ -106,8 +106,7 @@ class _Walk:
 class _Model:
     """One outcome model of a group, and what transitions inform about it.
 
-    sets: (g,) places of the sets E of its outcomes; explaining: (g, K) masks of them; slope: (r, K)
-    A; walk: of its log odds.
+    sets: (g,) places of the sets E; explaining: (g, K) masks; slope: (r, K) A; walk: of log odds.
     """
 
     group: OutcomeGroup
@@ -155,7 +154,9 @@ class _Chains:
         """Take all steps in random order, and all of them back where the sweep is not accepted."""
         if self.near.posterior.observations.hidden:
             self._draw_actions()
-        steps: list[Callable[[], None]] = [self._walk_weights]
+        steps: list[Callable[[], None]] = [
+            lambda: self._step(self.weights.step(self.points, self.rng))
+        ]
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
             if model.group.pseudo_count:
@@ -226,9 +227,6 @@ class _Chains:
         slope = near.gradient[row] + (self.points - near.mode) @ near.hessian[row]
         moved[:, row] += self.rng.standard_normal(len(moved)) / np.sqrt(-bend) - slope / bend
         self._step(moved, near.log_others(self.points) - near.log_others(moved))
-
-    def _walk_weights(self) -> None:
-        self._step(self.weights.step(self.points, self.rng))
 
     def _walk_outcomes(self, model: _Model) -> None:
         moved = model.walk.step(self.points, self.rng)

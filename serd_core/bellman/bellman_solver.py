@@ -27,8 +27,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, largest_per_row, require_each, sum_per_row
-from serd_core.bellman.linear_solvers import LinearSystem, prepare
+from serd_core.arrays import FloatArray, largest_per_row, sum_per_row
+from serd_core.bellman.linear_solvers import LinearSystem, kind_of
+from serd_core.checks import require_each
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
 
@@ -125,16 +126,11 @@ class BellmanProblem:
         require_each("rewards", allowed, np.abs(allowed) <= largest, rule, fix)
         object.__setattr__(self, "rewards", np.where(available, self.rewards, -np.inf))
 
-    @property
-    def discount(self) -> float:
-        """gamma."""
-        return self.mdp.discount
-
     @cached_property
     def contraction(self) -> float:
         """Modulus of T: gamma, less or more where moves take time."""
         filled = self.transitions
-        return self.discount * filled.model.largest_sum(filled.local_probabilities)
+        return self.mdp.discount * filled.model.largest_sum(filled.local_probabilities)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +156,7 @@ class Backup:
 def backup(problem: BellmanProblem, value: FloatArray) -> Backup:
     """Apply the Bellman operator once."""
     q = problem.transitions.expected(value)
-    q *= problem.discount
+    q *= problem.mdp.discount
     q += problem.rewards
     target = problem.equation.maximum(q)
     gap = target - value
@@ -259,7 +255,7 @@ def policy_system(
     """I - discount * P_pi for an (S, A) policy, for so many right-hand sides."""
     pattern = transitions.model.policy_pattern
     data = pattern.system_data(policy, transitions.entries, discount)
-    return prepare(pattern, data, right_sides)
+    return kind_of(pattern, right_sides)(pattern, data)
 
 
 #: Relative residual an iterative solver may leave in a correction; the next step removes it. A
@@ -300,7 +296,7 @@ class Newton:
             linear_solves += 1
             if system is None:
                 policy = problem.equation.policy_at(latest.q, latest.target)
-                system = policy_system(problem.transitions, policy, problem.discount)
+                system = policy_system(problem.transitions, policy, problem.mdp.discount)
             step = system.solve(latest.gap, relative_residual=FORCING)
             proposed = backup(problem, latest.value + step)
             system = system if proposed.residual <= KEEP * latest.residual else None

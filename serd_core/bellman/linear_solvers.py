@@ -5,8 +5,7 @@ reordered by reverse Cuthill-McKee lie near their successors. The transpose is f
 diagonally dominant by columns, so that no rows are exchanged. A sparse matrix of few states is
 factorised too; it is strictly diagonally dominant by rows, so that elimination needs no pivoting
 and may follow the order of least fill. Elsewhere BiCGSTAB takes less time than a factor, unless one
-factor serves many right-hand sides; of graphs whose band is wide, which have no small separators,
-factors fill up.
+factor serves many right-hand sides; factors fill up where the band is wide.
 """
 
 from abc import ABC, abstractmethod
@@ -48,13 +47,8 @@ class LinearSystem(ABC):
         """
 
 
-def prepare(pattern: PolicyPattern, data: FloatArray, right_sides: int = 1) -> LinearSystem:
-    """The system of the numbers (`PolicyPattern.system_data`), for so many right-hand sides."""
-    return kind_of(pattern, right_sides)(pattern, data)
-
-
 def kind_of(pattern: PolicyPattern, right_sides: int = 1) -> type[LinearSystem]:
-    """The system that takes least time for a pattern."""
+    """The system that takes least time for a pattern and so many right-hand sides."""
     if pattern.band.width <= WIDEST_BAND:
         return BandedFactor
     fills_up = pattern.n_states > SMALL_STATES and pattern.band.width > WIDE * pattern.n_states

@@ -6,23 +6,13 @@ time is known, only that the dwell time is longer than what was seen of it (righ
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    bool_array,
-    chosen_indices,
-    float_array,
-    int_array,
-    require_each,
-    require_kind,
-    shown,
-)
+from serd_core import checks
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.errors import SerdError
 
 COLUMNS = ("episode", "time_s", "state", "action", "next_state")
@@ -52,9 +42,9 @@ class Decisions:
     source: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time_s", float_array("time_s", self.time_s, (None,)))
+        object.__setattr__(self, "time_s", checks.float_array("time_s", self.time_s, (None,)))
         for name in ("episode", "state", "action", "next_state"):
-            column = int_array(name, getattr(self, name), (None,))
+            column = checks.int_array(name, getattr(self, name), (None,))
             if len(column) != len(self.time_s):
                 raise SerdError(
                     f"{name} must have one entry per decision ({len(self.time_s)} as in time_s),"
@@ -63,15 +53,18 @@ class Decisions:
             least, rule = 0, "not be negative"
             if name == "action":
                 least, rule = HIDDEN, f"be an index or {HIDDEN} for a hidden action"
-            require_each(name, column, column >= least, rule, "drop decisions outside the problem")
+            checks.require_each(
+                name, column, column >= least, rule, "drop decisions outside the problem"
+            )
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
         return len(self.state)
 
-    def columns(self) -> dict[str, FloatArray | IntArray]:
+    def columns(self) -> dict[str, Any]:
         """The columns by name, as `pandas.DataFrame` takes them."""
-        return {name: getattr(self, name) for name in COLUMNS}
+        names = (field.name for field in fields(self) if field.name != "source")
+        return {name: getattr(self, name) for name in names}
 
     @property
     def hidden(self) -> BoolArray:
@@ -80,7 +73,7 @@ class Decisions:
 
     def with_hidden_actions(self: _Own, rows: BoolArray | None = None) -> _Own:
         """The same decisions without the actions of the given rows (N,), by default of all."""
-        wanted = True if rows is None else bool_array("rows", rows, (len(self),))
+        wanted = True if rows is None else checks.bool_array("rows", rows, (len(self),))
         return replace(self, action=np.where(wanted, HIDDEN, self.action))
 
     @property
@@ -90,13 +83,12 @@ class Decisions:
 
     def select(self: _Own, rows: BoolArray | IntArray) -> _Own:
         """The decisions of the given rows (mask (N,) or indices), in that order."""
-        chosen = chosen_indices("rows", rows, len(self), "a row")
-        columns: dict[str, Any] = {name: each[chosen] for name, each in self.columns().items()}
-        return replace(self, **columns)
+        chosen = checks.chosen_indices("rows", rows, len(self), "a row")
+        return replace(self, **{name: each[chosen] for name, each in self.columns().items()})
 
     def select_episodes(self: _Own, episodes: Iterable[int]) -> _Own:
         """All decisions of the given episode numbers; SerdError for one that is not there."""
-        wanted = np.unique(int_array("episodes", list(episodes), (None,)))
+        wanted = np.unique(checks.int_array("episodes", list(episodes), (None,)))
         if (missing := np.setdiff1d(wanted, self.episode)).size:
             raise SerdError(
                 f"episodes must be among {self.episodes.tolist()}, got {int(missing[0])}"
@@ -127,7 +119,7 @@ def require_shown(decisions: Decisions, purpose: str) -> None:
 
 def require_decisions(decisions: object, name: str = "decisions") -> None:
     """SerdError unless an argument is a `Decisions` object."""
-    require_kind(name, decisions, (Decisions,), "decisions_from_episodes(episodes)")
+    checks.require_kind(name, decisions, (Decisions,), "decisions_from_episodes(episodes)")
 
 
 def state_counts(decisions: Decisions, n_states: int) -> FloatArray:
@@ -158,7 +150,7 @@ def rows_by_trajectory(decisions: Decisions) -> tuple[IntArray, BoolArray]:
 
 def _require_below(name: str, column: IntArray, size: int) -> None:
     fix = "the decisions were made in another problem"
-    require_each(name, column, column < size, f"be below {size}", fix)
+    checks.require_each(name, column, column < size, f"be below {size}", fix)
 
 
 def decisions_from_episodes(
@@ -176,11 +168,11 @@ def decisions_from_episodes(
             states, actions = episode
         except (TypeError, ValueError) as error:
             raise SerdError(
-                f"episode {number} must be a pair (states, actions), got {shown(episode)}; leave"
-                " out anything else"
+                f"episode {number} must be a pair (states, actions), got {checks.shown(episode)};"
+                " leave out anything else"
             ) from error
-        visited = int_array(f"states of episode {number}", states, (None,))
-        chosen = int_array(f"actions of episode {number}", actions, (None,))
+        visited = checks.int_array(f"states of episode {number}", states, (None,))
+        chosen = checks.int_array(f"actions of episode {number}", actions, (None,))
         if len(visited) != len(chosen) + 1:
             raise SerdError(
                 f"episode {number} must have one more state than actions, got {len(visited)} and"
@@ -214,18 +206,18 @@ class TimedDecisions(Decisions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        dwell = float_array("dwell_s", self.dwell_s, (len(self.time_s),))
-        require_each("dwell_s", dwell, dwell > 0, "be above 0", "merge decisions at one time")
-        censored = bool_array("censored", self.censored, (len(self.time_s),))
+        dwell = checks.float_array("dwell_s", self.dwell_s, (len(self.time_s),))
+        checks.require_each(
+            "dwell_s", dwell, dwell > 0, "be above 0", "merge decisions at one time"
+        )
+        censored = checks.bool_array("censored", self.censored, (len(self.time_s),))
         moved = censored & (self.next_state != self.state)
         fix = "repeat the state where a command ended the decision"
-        require_each("next_state", self.next_state, ~moved, "be the state where censored", fix)
+        checks.require_each(
+            "next_state", self.next_state, ~moved, "be the state where censored", fix
+        )
         object.__setattr__(self, "dwell_s", dwell)
         object.__setattr__(self, "censored", censored)
-
-    def columns(self) -> dict[str, Any]:
-        """The columns by name."""
-        return {**super().columns(), "dwell_s": self.dwell_s, "censored": self.censored}
 
 
 def reached(decisions: Decisions) -> BoolArray:

@@ -28,8 +28,7 @@ class HiddenMoves:
     """Observed (s, s') whose action is hidden, and the transitions (s, a, s') that explain each.
 
     count: (T,) how often each distinct (s, s') was observed.
-    place, move: (H,) of each explaining transition its place in `Observations.key`, and which of
-    the T it explains.
+    place, move: (H,) of each explaining transition, in `Observations.key` and among the T.
     """
 
     count: FloatArray
@@ -78,9 +77,11 @@ class Observations:
         return weighted_counts(self.entry_group, seen, len(self.key))
 
 
-def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observations:
-    """Count; SerdError naming the first decision the MDP rules out."""
+def observe(problem: Problem, decisions: Decisions, name: str = "decisions") -> Observations:
+    """The counts of decisions; SerdError naming the first one that the MDP rules out."""
+    require_problem(problem)
     require_decisions(decisions, name)
+    mdp = problem.mdp
     if not len(decisions):
         raise SerdError(f"{name} must hold at least one decision, got none; record an episode")
     _require_distinct_times(decisions, name)
@@ -108,12 +109,6 @@ def observe(mdp: Mdp, decisions: Decisions, name: str = "decisions") -> Observat
         hidden=HiddenMoves(moves.astype(np.float64), place, move),
         dwells=dwell_times(mdp, decisions, name),
     )
-
-
-def observe_in(problem: Problem, decisions: Decisions) -> Observations:
-    """`observe` for learners; SerdError where problem or decisions are of another kind."""
-    require_problem(problem)
-    return observe(problem.mdp, decisions)
 
 
 def explained(mdp: Mdp, decisions: Decisions) -> BoolArray:

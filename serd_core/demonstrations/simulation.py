@@ -11,15 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    require_count,
-    require_generator,
-    require_kind,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.checks import float_array, require_count, require_generator, require_kind
 from serd_core.demonstrations.decisions import (
     TIMED_COLUMNS,
     Decisions,
@@ -124,12 +117,11 @@ def sample_timed_decisions(
     mean_until_command_s: float = np.inf,
     source: str = "sampled",
 ) -> TimedDecisions:
-    """Episodes of at most `n_steps` decisions; one ends in a final state (`Mdp.final`).
+    """Draw episodes of a policy whose moves take time, which end as those of `sample_decisions`.
 
-    policy: (S, A); parameters: (N,) of the dynamics (`SemiMarkovModels.parameters_from`);
+    policy: (S, A); parameters: (N,) of the dynamics, as `parameters_from` below makes them;
     start_distribution: (S,). mean_until_command_s: mean of the exponential time after which another
-    command ends a decision that has no outcome yet, and the policy decides anew in the same state;
-    inf for never.
+    command ends a decision without outcome, and the policy decides anew there; inf for never.
 
         truth = timed.mdp.transitions.parameters_from(table, mean_s=[1.0, 3.0], shape=6.0)
         table = timed.mdp.transitions.local_probabilities(truth)

@@ -21,9 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, require_positive, weighted_counts
+from serd_core.arrays import FloatArray, IntArray, weighted_counts
+from serd_core.checks import require_positive
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import Observations, observe_in
+from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -135,7 +136,7 @@ def estimate_dynamics(
         table = sc.estimate_dynamics(problem, decisions)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
-    seen = observe_in(problem, decisions)
+    seen = observe(problem, decisions)
     model = outcome_models_of(problem.mdp)
     outcomes = model.outcomes if isinstance(model, SemiMarkovModels) else model
     estimate = most_likely_dynamics(outcomes, seen, pseudo_count)

@@ -13,22 +13,8 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import (
-    BYTES_PER_PAIR,
-    BoolArray,
-    FloatArray,
-    IntArray,
-    bool_array,
-    float_array,
-    int_array,
-    is_number,
-    padded,
-    require_each,
-    require_index,
-    require_memory,
-    require_positive,
-    shown,
-)
+from serd_core import checks
+from serd_core.arrays import BoolArray, FloatArray, IntArray, padded
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
@@ -40,8 +26,9 @@ IMPOSSIBLE = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class OutcomeModels(TransitionModel):
-    """Transitions that many pairs (s, a) share: M local distributions over K outcomes.
+    """Dynamics to learn that pairs (s, a) share: M local distributions over K outcomes (5.1).
 
+    P_m(k) = exp(beta theta_mk) / sum_j exp(beta theta_mj), with the energies theta as parameters.
     successors: (S, A, K) next state of each outcome (ignored where not available).
     model_of: (S, A) local model of each state and action (ignored where not available).
     available: (S, A) mask of actions that exist.
@@ -52,6 +39,9 @@ class OutcomeModels(TransitionModel):
     n_others: further numbers of the parameter vector, on which no outcome depends.
 
     Raises SerdError naming the first entry that is no state or no model.
+
+        models = sc.OutcomeModels(  # one state, whose one action has one outcome
+            successors=[[[0]]], model_of=[[0]], available=[[True]], n_models=1)
     """
 
     successors: IntArray
@@ -63,27 +53,27 @@ class OutcomeModels(TransitionModel):
     n_others: int = 0
 
     def __post_init__(self) -> None:
-        successors = int_array("successors", self.successors, (None, None, None))
+        successors = checks.int_array("successors", self.successors, (None, None, None))
         pairs = successors.shape[:2]
-        available = bool_array("available", self.available, pairs)
-        model_of = int_array("model_of", self.model_of, pairs)
-        require_positive("beta", self.beta, "use 1.0")
+        available = checks.bool_array("available", self.available, pairs)
+        model_of = checks.int_array("model_of", self.model_of, pairs)
+        checks.require_positive("beta", self.beta, "use 1.0")
         if not successors.size:
             raise SerdError(
                 f"successors must hold a state, an action and an outcome, got shape"
                 f" {successors.shape}; give each state an action"
             )
         count = self.n_models
-        if not (is_number(count) and count >= 1 and float(count).is_integer()):
+        if not (checks.is_number(count) and count >= 1 and float(count).is_integer()):
             raise SerdError(
-                f"n_models must be a whole number of at least 1, got {shown(count)};"
+                f"n_models must be a whole number of at least 1, got {checks.shown(count)};"
                 " count the rows of the outcome table"
             )
-        require_index("successors", successors, pairs[0], "a state", available[:, :, None])
-        require_index("model_of", model_of, self.n_models, "a model", available)
+        checks.require_index("successors", successors, pairs[0], "a state", available[:, :, None])
+        checks.require_index("model_of", model_of, self.n_models, "a model", available)
         if self.intended is not None:
-            intended = int_array("intended", self.intended, (self.n_models,))
-            require_index("intended", intended, successors.shape[2], "an outcome")
+            intended = checks.int_array("intended", self.intended, (self.n_models,))
+            checks.require_index("intended", intended, successors.shape[2], "an outcome")
             object.__setattr__(self, "intended", intended)
         object.__setattr__(self, "successors", successors)
         object.__setattr__(self, "model_of", model_of)
@@ -136,24 +126,18 @@ class OutcomeModels(TransitionModel):
 
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(M*K, N) derivative of the probabilities by the energies (5.2)."""
-        slope = self._by_model(self._slope(self.local_probabilities(parameters)))
-        return padded(slope, (self.n_energies, self.n_parameters))
+        p = self.local_probabilities(parameters)
+        slope = self.beta * p[:, :, None] * (np.eye(self.n_outcomes) - p[:, None, :])
+        return padded(self._by_model(slope), (self.n_energies, self.n_parameters))
 
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(N, N) second derivatives of local_gradient . probabilities by the energies."""
-        bend = self._by_model(self._bend(self.local_probabilities(parameters), local_gradient))
-        return padded(bend, (self.n_parameters, self.n_parameters))
-
-    def _slope(self, p: FloatArray) -> FloatArray:
-        """(M, K, K) derivative of the probabilities of a model by its energies."""
-        return np.asarray(self.beta * p[:, :, None] * (np.eye(self.n_outcomes) - p[:, None, :]))
-
-    def _bend(self, p: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        """(M, K, K) second derivatives of local_gradient . probabilities by the same."""
+        p = self.local_probabilities(parameters)
         pull = p * (local_gradient - np.sum(p * local_gradient, axis=1, keepdims=True))
         mixed = p[:, :, None] * pull[:, None, :]
         own = np.eye(self.n_outcomes) * pull[:, :, None]
-        return np.asarray(self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1)))
+        bend = self.beta**2 * (own - mixed - mixed.transpose(0, 2, 1))
+        return padded(self._by_model(bend), (self.n_parameters, self.n_parameters))
 
     def _by_model(self, blocks: FloatArray) -> FloatArray:
         """(M*K, M*K) matrix of (M, K, K) blocks on its diagonal."""
@@ -185,7 +169,7 @@ class OutcomeModels(TransitionModel):
         probabilities = self.known_probabilities(initial)
         rule = "be above 0 to have a finite energy"
         fix = "use a positive pseudo-count, or FixedBelief() where dynamics are not learned"
-        require_each("probabilities", probabilities, probabilities > 0, rule, fix)
+        checks.require_each("probabilities", probabilities, probabilities > 0, rule, fix)
         energies = np.log(probabilities) / self.beta
         centred = np.asarray(energies - energies.mean(axis=1, keepdims=True)).ravel()
         return padded(centred, (self.n_parameters,))
@@ -202,23 +186,15 @@ class OutcomeModels(TransitionModel):
         return padded(np.asarray((scaled - mean) / self.beta).ravel(), (self.n_parameters,))
 
     def known_probabilities(self, known: FloatArray) -> FloatArray:
-        """The (M, K) table itself, checked."""
-        table = np.asarray(known, dtype=np.float64)
-        self.require_distributions(table)
-        return table
-
-    def require_distributions(self, table: FloatArray) -> None:
-        """SerdError naming the first local model whose row of an (M, K) table is no distribution.
-
-        Rows are checked even where no state uses the model.
-        """
+        """The (M, K) table itself; SerdError where a row, of a model in use or not, is wrong."""
+        name, table = "outcome probabilities", np.asarray(known, dtype=np.float64)
         self._require_table(table)
-        name, given = "outcome probabilities", np.asarray(table)
-        possible = np.isfinite(given) & (given >= 0)
-        require_each(name, given, possible, "be finite and not negative", "repair that row")
-        sums = np.sum(given, axis=1)
+        possible = np.isfinite(table) & (table >= 0)
+        checks.require_each(name, table, possible, "be finite and not negative", "repair that row")
+        sums = np.sum(table, axis=1)
         is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE
-        require_each(name, sums, is_one, "sum to 1", "normalise that row")
+        checks.require_each(name, sums, is_one, "sum to 1", "normalise that row")
+        return table
 
     def _require_table(self, table: FloatArray) -> None:
         if np.shape(table) != self.local_shape:
@@ -244,32 +220,28 @@ class SparseModel(TransitionModel):
 
     def __post_init__(self) -> None:
         n_entries = len(np.atleast_1d(self.state))
-        pairs = int_array("n_pairs", self.n_pairs, (2,))
+        pairs = checks.int_array("n_pairs", self.n_pairs, (2,))
         if pairs.min() < 1:
             raise SerdError(
                 f"n_pairs must be at least one state and one action, got {self.n_pairs};"
                 " pass (S, A)"
             )
         object.__setattr__(self, "n_pairs", (int(pairs[0]), int(pairs[1])))
-        require_memory(
+        checks.require_memory(
             f"a table of {pairs[0]} states and {pairs[1]} actions",
-            BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
+            checks.BYTES_PER_PAIR * float(pairs[0]) * float(pairs[1]),
             "number states and actions from 0 without gaps",
         )
         sizes = {"state": pairs[0], "action": pairs[1], "next_state": pairs[0]}
         for name, size in sizes.items():
-            column = int_array(name, getattr(self, name), (n_entries,))
-            require_index(name, column, size, f"a {name.replace('_', ' ')}")
+            column = checks.int_array(name, getattr(self, name), (n_entries,))
+            checks.require_index(name, column, size, f"a {name.replace('_', ' ')}")
             object.__setattr__(self, name, column)
 
     @cached_property
     def _row(self) -> IntArray:
         """(E,) pair of each entry, in the order given."""
         return np.asarray(self.state * self.n_pairs[1] + self.action)
-
-    @property
-    def n_parameters(self) -> int:
-        return 0
 
     @property
     def local_shape(self) -> tuple[int, ...]:
@@ -294,26 +266,10 @@ class SparseModel(TransitionModel):
     def successor(self) -> IntArray:
         return np.asarray(self.next_state[self.local_index])
 
-    @property
-    def parameter_names(self) -> tuple[str, ...]:
-        return ()
-
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """(E,) probabilities, in the order given."""
         del parameters
         return self.known
-
-    def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        del parameters, local_gradient
-        return np.zeros(0)
-
-    def local_jacobian(self, parameters: FloatArray) -> FloatArray:
-        del parameters
-        return np.zeros((len(self.state), 0))
-
-    def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
-        del parameters, local_gradient
-        return np.zeros((0, 0))
 
     def parameters_of(self, initial: FloatArray) -> FloatArray:
         """(0,) none; SerdError where some are given."""
@@ -341,9 +297,12 @@ def fixed_transitions(
 ) -> SparseModel:
     """Make known transitions from their entries, which must sum to 1 for each pair (s, a).
 
-    n_pairs: (S, A); state, action, next_state, probability: (E,).
+    n_pairs: (S, A); state, action, next_state, probability: (E,). Pairs without entries are not
+    available. SerdError for an index outside these, or another sum.
+
+        stays = sc.Mdp(sc.fixed_transitions((2, 1), [0, 1], [0, 0], [0, 1], [1.0, 1.0]), 0.9)
     """
-    known = float_array("probability", probability, (len(np.atleast_1d(state)),))
+    known = checks.float_array("probability", probability, (len(np.atleast_1d(state)),))
     model = SparseModel(n_pairs, state, action, next_state, known)
     model.require_transitions(known)
     return model

@@ -9,8 +9,7 @@ and one successor, several entries of a row may share a successor, and
 Entries are linear in the model's *local probabilities* (the numbers that are reported, e.g. one
 table of outcomes per local model), which are a smooth function of its parameter vector.
 
-Functions of the transition probabilities, sum_g h_g(P_g) over the distinct g = (s, a, s'), have the
-second derivatives
+Functions sum_g h_g(P_g) of the distinct transitions g = (s, a, s') have the second derivatives
 
     d2 sum h(P) = sum h'(P) d2 P + sum h''(P) dP dP^T
 
@@ -26,8 +25,9 @@ from functools import cached_property
 import numpy as np
 import scipy  # loads sparse at its first use
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, floored, number_array, weighted_counts
+from serd_core.arrays import BoolArray, FloatArray, IntArray, floored, weighted_counts
 from serd_core.bellman.policy_pattern import PolicyPattern, index_type, policy_pattern, with_numbers
+from serd_core.checks import number_array
 from serd_core.errors import SerdError
 
 #: By which a probability or a sum of them may be off.
@@ -67,7 +67,7 @@ def places_of(wanted: IntArray, keys: IntArray) -> IntArray:
 
 
 class TransitionModel(ABC):
-    """Sparse P(s' | s, a) as a smooth function of a parameter vector.
+    """Sparse P(s' | s, a) as a smooth function of a parameter vector, empty unless overridden.
 
     available: (S, A) which actions exist in which states; other rows have no entries.
     """
@@ -90,17 +90,18 @@ class TransitionModel(ABC):
         """(E,) next state of each entry."""
 
     @property
-    @abstractmethod
     def n_parameters(self) -> int:
         """Length of the parameter vector."""
+        return 0
 
     @abstractmethod
     def local_probabilities(self, parameters: FloatArray) -> FloatArray:
         """The model's local probabilities at `parameters` (n_parameters,)."""
 
-    @abstractmethod
     def pull_back(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n_parameters,) vector-Jacobian product of `local_probabilities`."""
+        del parameters, local_gradient
+        return np.zeros(0)
 
     @property
     @abstractmethod
@@ -153,22 +154,24 @@ class TransitionModel(ABC):
         """(E,) which of the flattened local probabilities each entry is."""
 
     @property
-    @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
         """(n_parameters,) one name per parameter, for reports."""
+        return ()
 
     @property
     def gauge(self) -> FloatArray:
         """(g, n_parameters) directions in which parameters move without changing P; none here."""
         return np.zeros((0, self.n_parameters))
 
-    @abstractmethod
     def local_jacobian(self, parameters: FloatArray) -> FloatArray:
         """(L, n_parameters) derivative of the flattened local probabilities."""
+        del parameters
+        return np.zeros((int(np.prod(self.local_shape)), 0))
 
-    @abstractmethod
     def local_curvature(self, parameters: FloatArray, local_gradient: FloatArray) -> FloatArray:
         """(n, n) second derivatives of local_gradient . local_probabilities."""
+        del parameters, local_gradient
+        return np.zeros((0, 0))
 
     @property
     def n_states(self) -> int:
@@ -204,7 +207,8 @@ class TransitionModel(ABC):
         return ~np.isin(np.arange(self.n_states), state[self.successor != state])
 
     @cached_property
-    def _structure(self) -> scipy.sparse.csr_array:
+    def structure(self) -> scipy.sparse.csr_array:
+        """(S*A, S) places of the entries; duplicates of a successor add up."""
         kind = index_type(max(self.n_entries, self.n_states))
         places = self.successor.astype(kind), self.row_start.astype(kind)
         ones = np.ones(self.n_entries, dtype=np.int8)
@@ -214,10 +218,6 @@ class TransitionModel(ABC):
     def policy_pattern(self) -> PolicyPattern:
         """Symbolic structure of I - gamma P_pi, the same for all policies and parameters."""
         return policy_pattern(self.row, self.successor, self.n_states, self.n_actions)
-
-    def matrix(self, entries: FloatArray) -> scipy.sparse.csr_array:
-        """(S*A, S) sparse matrix of P(s' | s, a); duplicates of a successor add up."""
-        return with_numbers(self._structure, entries)
 
     def require_transitions(self, local_probabilities: FloatArray) -> None:
         """SerdError naming the first (s, a) whose probabilities are no distribution."""
@@ -251,8 +251,8 @@ class Transitions:
 
     @cached_property
     def matrix(self) -> scipy.sparse.csr_array:
-        """(S*A, S) sparse matrix."""
-        return self.model.matrix(self.entries)
+        """(S*A, S) sparse matrix of P(s' | s, a)."""
+        return with_numbers(self.model.structure, self.entries)
 
     def expected(self, values: FloatArray) -> FloatArray:
         """(S, A) expectation sum_s' P(s'|s,a) values(s'); 0 where an action is unavailable."""

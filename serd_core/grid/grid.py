@@ -15,7 +15,8 @@ import numpy as np
 import scipy  # loads ndimage at its first use
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import BoolArray, FloatArray, IntArray, bool_array, require_positive
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.checks import bool_array, require_positive
 from serd_core.errors import SerdError
 
 AnyArray = TypeVar("AnyArray", FloatArray, IntArray)

@@ -18,15 +18,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    int_array,
-    number_array,
-    require_each,
-    require_index,
-)
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import float_array, int_array, number_array, require_each, require_index
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
@@ -106,7 +99,10 @@ def build_navigation_problem(
     rule = "be 1 to 4 (north, east, south, west) or -1 for none"
     require_each("flow", flow, allowed, rule, "number directions as in Action")
     features = features_of_flow(flow) if features is None else features
-    goals = _checked_goals(goal_states, grid.n_states)
+    goals = int_array("goal_states", np.unique(number_array("goal_states", goal_states)), (None,))
+    if not goals.size:
+        raise SerdError("goal_states must name at least one state, got none")
+    require_index("goal_states", goals, grid.n_states, "a state")
     distance_m = float_array("wall_distance_m", wall_distance_m, (grid.n_states,))
     outcome_models = _outcome_models(grid, flow, goals)
     table = _feature_table(flow, goals, distance_m)
@@ -203,11 +199,3 @@ def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> Fl
     if not names:
         raise SerdError(f"features must name at least one of {', '.join(table)}, got none")
     return float_array("features", np.stack([table[name] for name in names], axis=2))
-
-
-def _checked_goals(goal_states: Sequence[int] | IntArray, n_states: int) -> IntArray:
-    goals = int_array("goal_states", np.unique(number_array("goal_states", goal_states)), (None,))
-    if not goals.size:
-        raise SerdError("goal_states must name at least one state, got none")
-    require_index("goal_states", goals, n_states, "a state")
-    return goals

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import scipy  # loads stats at its first use
 
-from serd_core.arrays import FloatArray, require_kind, require_share
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
+from serd_core.checks import require_kind, require_share
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
@@ -66,7 +67,7 @@ class FitResult:
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
     expert's belief; initial_outcome_probabilities: the start. (Of known transitions: their entries;
-    laws of dwell times are in the parameters, see `SemiMarkovModels.laws`.)
+    `problem.mdp.transitions.laws(fit.parameters.truth)` has laws of dwell times.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
     objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
     objective_trace: (n_steps,) the same after each step.
@@ -75,11 +76,10 @@ class FitResult:
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
-    converged: at a maximum, and the only one around (`learners.certificate`); otherwise the message
-    names the direction that is open. undetermined: directions along which the objective is
-    constant.
-    residual, error_bound: certificate of that solve (`BellmanSolution`), NaN where a file has none;
-    assumptions: None where a file does not state them.
+    converged: at a maximum, and the only one around; otherwise the message names the direction that
+    is open. undetermined: directions along which the objective is constant.
+    residual, error_bound: of the values V at the end, max |T V - V| for the Bellman operator T, and
+    a bound of the error of V; NaN where a file has none. assumptions: None where it has none.
     """
 
     feature_names: tuple[str, ...]
@@ -118,18 +118,19 @@ class FitResult:
             f" {self.hidden_log_likelihood:.4f} of moves with hidden actions",
             "",
         ]
-        width = max(len("reward"), *(len(name) for name in self.feature_names))
-        header, rows = f"{'reward':{width}}  {'weight':>11}", []
-        for name, weight in zip(self.feature_names, self.reward_weights, strict=True):
-            rows.append(f"{name:{width}}  {weight:11.5g}")
+        weights, width = self.reward_weights, max(map(len, ("reward", *self.feature_names)))
+        columns = [("weight", "11.5g", weights)]
         if errors is not None:
-            header += f"  {'std. error':>11}  {'z':>8}  {'2.5 %':>11}  {'97.5 %':>11}"
-            low, high = errors.reward_interval(self.reward_weights)
-            for place, (weight, error) in enumerate(
-                zip(self.reward_weights, errors.reward, strict=True)
-            ):
-                rows[place] += f"  {error:11.4g}  {weight / error:8.2f}"
-                rows[place] += f"  {low[place]:11.5g}  {high[place]:11.5g}"
+            low, high = errors.reward_interval(weights)
+            columns += [
+                ("std. error", "11.4g", errors.reward),
+                ("z", "8.2f", weights / errors.reward),
+            ]
+            columns += [("2.5 %", "11.5g", low), ("97.5 %", "11.5g", high)]
+        header, *rows = (f"{name:{width}}" for name in ("reward", *self.feature_names))
+        for title, form, values in columns:
+            header += f"  {title:>{form.partition('.')[0]}}"
+            rows = [f"{row}  {value:{form}}" for row, value in zip(rows, values, strict=True)]
         return "\n".join([*lines, header, *rows])
 
     @property

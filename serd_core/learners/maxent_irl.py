@@ -21,7 +21,7 @@ from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem
-from serd_core.policies.solved_policy import MdcePolicy
+from serd_core.policies.solved_policy import SOFT, MdcePolicy
 
 
 def fit_maxent_irl(
@@ -80,8 +80,8 @@ class TrajectoryModel:
         for step in reversed(range(length)):
             onward, move = self._expected_exponential(log_z)
             q = mdp.discount**step * rewards + onward  # -inf where an action is unavailable
-            log_z = _log_sum_exp(q)
-            choices.append(np.exp(q - log_z[:, None]))
+            log_z = SOFT.maximum(q)
+            choices.append(SOFT.policy_at(q, log_z))
             moves.append(move)
         total = float(starts @ log_z)
         share, expected = np.array(starts, dtype=np.float64), np.zeros(features.shape[2])
@@ -94,11 +94,7 @@ class TrajectoryModel:
 
     @cached_property
     def _log_entries(self) -> FloatArray:
-        """(E,) log P, -inf where a transition is impossible.
-
-        No floor: values of w / (1 - gamma) would make up for any. A row keeps a finite term, as it
-        sums to 1 and every state has an action.
-        """
+        """(E,) log P, -inf where a transition is impossible: values would make up for any floor."""
         entries = self.transitions.entries
         return np.log(entries, out=np.full(len(entries), -np.inf), where=entries > 0)
 
@@ -114,8 +110,3 @@ class TrajectoryModel:
         onward = np.full(model.available.size, -np.inf)
         onward[model.available.ravel()] = highest + np.log(sums)
         return onward.reshape(model.available.shape), shifted / np.repeat(sums, lengths)
-
-
-def _log_sum_exp(q: FloatArray) -> FloatArray:
-    highest = q.max(axis=1)
-    return np.asarray(highest + np.log(np.exp(q - highest[:, None]).sum(axis=1)))

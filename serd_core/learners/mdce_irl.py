@@ -14,7 +14,7 @@ counts are *discounted*, as in the constraint; matching them undiscounted gives 
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import PriorByEvidence
@@ -25,7 +25,7 @@ from serd_core.dynamics.transition_model import Transitions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import UNIFORM, fit_mdce_serd
 from serd_core.learners.start import reward_search
-from serd_core.mdp.mdp import Mdp, checked_policy
+from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.beliefs import FixedBelief
@@ -54,8 +54,7 @@ def fit_mdce_irl_by_likelihood(
     dynamics: (M, K) outcome probabilities, or parameters of timed ones, taken as known; None
     estimates them from the decisions. They may hold zeros where no decision contradicts these.
     prior: of the weights; `UniformPrior()` for the most likely ones.
-    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: called with a `Step` after each step,
-    returning True stops the fit there.
+    ascent: what climbs (`Lbfgs`, `TrustRegion`); on_step: as in `fit_mdce_serd`.
     Returns a `FitResult`; raises SerdError where an argument is wrong or a decision is impossible.
 
         fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
@@ -109,7 +108,8 @@ def fit_mdce_irl_by_entropy(
     def dual(weights: FloatArray) -> tuple[float, FloatArray]:
         """J, and the slack of averages, in units of the largest demonstrated feature count."""
         solution = search.solution(weights)
-        expected = feature_expectation(problem, search.transitions, solution.policy, starts)
+        visits = state_action_occupancy(problem.mdp, search.transitions, solution.policy, starts)
+        expected = np.tensordot(visits, problem.features, axes=2)
         value = float(weights @ wanted - starts @ solution.value)
         penalty = 0.5 * slack / average * float(weights @ weights)
         gradient = wanted - expected - slack / average * weights
@@ -118,22 +118,12 @@ def fit_mdce_irl_by_entropy(
     return search.maximise(dual, ascent, on_step, "allow some slack, for example 0.001")
 
 
-def feature_expectation(
-    problem: Problem, transitions: Transitions, policy: FloatArray, starts: FloatArray
-) -> FloatArray:
-    """(F,) expected discounted features phi(pi) from (S,) starts, a difference of distributions."""
-    visits = state_action_occupancy(problem.mdp, transitions, policy, starts)
-    return np.tensordot(visits, problem.features, axes=2)
-
-
 def state_action_occupancy(
     mdp: Mdp, transitions: Transitions, policy: FloatArray, starts: FloatArray
 ) -> FloatArray:
     """(S, A) expected discounted visits of an (S, A) policy, linear in its (S,) starts."""
-    choice = checked_policy("policy", policy, mdp)
-    begin = float_array("starts", starts, (mdp.n_states,))
-    system = policy_system(transitions, choice, mdp.discount)
-    return np.asarray(system.solve(begin, transposed=True)[:, None] * choice)
+    system = policy_system(transitions, policy, mdp.discount)
+    return np.asarray(system.solve(starts, transposed=True)[:, None] * policy)
 
 
 #: Wide, but enough to keep weights finite where every demonstration agrees.

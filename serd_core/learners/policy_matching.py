@@ -12,11 +12,12 @@ Q-values with inverse temperature beta (3.11), and minimises, by one adjoint sol
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_positive
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.bellman.bellman_solver import adjoint, boltzmann
+from serd_core.checks import require_positive
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import observe_in
+from serd_core.demonstrations.observations import observe
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_search
 from serd_core.mdp.problem import Problem
@@ -35,7 +36,7 @@ def clone_behaviour(
     """
     require_positive("pseudo_count", pseudo_count)
     require_shown(decisions, "cloning")
-    counts = observe_in(problem, decisions).state_action
+    counts = observe(problem, decisions).state_action
     smoothed = np.where(problem.mdp.available, counts + pseudo_count, 0.0)
     return np.asarray(smoothed / smoothed.sum(axis=1, keepdims=True))
 

@@ -17,16 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    described,
-    float_array,
-    require_count,
-    require_each,
-    require_positive,
-    require_share,
-    weighted_counts,
-)
+from serd_core import checks
+from serd_core.arrays import FloatArray, described, weighted_counts
 from serd_core.ascent.ascent import (
     Ascent,
     Climb,
@@ -84,25 +76,19 @@ def fit_relative_entropy_irl(
             problem, decisions, samples=samples, sampling_policy=policy.probabilities,
             thresholds=sc.hoeffding_thresholds(problem, 30), rng=rng)
     """
-    require_positive("largest_weight", largest_weight, "use 100")
+    checks.require_positive("largest_weight", largest_weight, "use 100")
     search = reward_search(problem, decisions, MdcePolicy(), initial_weights, rng, dynamics)
-    given = float_array("thresholds", thresholds, (len(problem.feature_names),))
-    require_each("thresholds", given, given >= 0, "not be negative", "use 0 for exact matching")
-    observe(problem.mdp, samples, name="samples")
-    scale = search.scale
-    dual = SampledDual(
-        wanted=scale * feature_counts(problem, decisions).mean(axis=0),
-        groups=tuple(
-            SampleGroup(
-                share,
-                scale * feature_counts(problem, each),
-                importance_log_weights(problem, each, sampling_policy),
-            )
-            for share, each in _as_long_as(problem, decisions, samples)
-        ),
-        thresholds=scale * given,
-        scale=scale,
+    given = checks.float_array("thresholds", thresholds, (len(problem.feature_names),))
+    checks.require_each(
+        "thresholds", given, given >= 0, "not be negative", "use 0 for exact matching"
     )
+    observe(problem, samples, name="samples")
+    scale, groups = search.scale, list[SampleGroup]()
+    for share, seen in _as_long_as(problem, decisions, samples):
+        log_weights = importance_log_weights(problem, seen, sampling_policy)
+        groups.append(SampleGroup(share, scale * feature_counts(problem, seen), log_weights))
+    wanted = scale * feature_counts(problem, decisions).mean(axis=0)
+    dual = SampledDual(wanted, tuple(groups), scale * given, scale)
     start = search.start.reward / scale
     ascent = _BoundedAscent(
         dual, reward_names(problem), largest_weight, gradient_tolerance, max_steps
@@ -155,8 +141,7 @@ def _as_long_as(
 class SampledDual:
     """g(theta) on samples, by the positive and negative parts of theta / scale, (2 F,) in a row.
 
-    wanted: (F,) phi~; thresholds: (F,) epsilon; both, and the features of the groups, times scale
-    (F,).
+    wanted: (F,) phi~; thresholds: (F,) epsilon; they and all features are times scale (F,).
     """
 
     wanted: FloatArray
@@ -229,7 +214,7 @@ def importance_log_weights(
 ) -> FloatArray:
     """(N,) log U_Q(tau) - log U_a(tau) of each sampled trajectory, Q being uniform."""
     available = problem.mdp.available
-    made_by = float_array("sampling_policy", sampling_policy, available.shape)
+    made_by = checks.float_array("sampling_policy", sampling_policy, available.shape)
     chosen = made_by[samples.state, samples.action]
     if (bad := np.flatnonzero(~(chosen > 0))).size:
         first = int(bad[0])
@@ -253,8 +238,8 @@ def hoeffding_thresholds(
         thresholds = sc.hoeffding_thresholds(problem, len(decisions.episodes), horizon=50)
     """
     require_problem(problem)
-    require_share("confidence", confidence)
-    require_count("n_episodes", n_episodes, 1, "100")
+    checks.require_share("confidence", confidence)
+    checks.require_count("n_episodes", n_episodes, 1, "100")
     observable, discount = problem.features[problem.mdp.available], problem.mdp.discount
     series = (1.0 - discount**horizon) / (1.0 - discount)
     spread = series * observable.max(axis=0) - series * observable.min(axis=0)

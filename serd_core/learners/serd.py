@@ -13,13 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, require_kind, require_positive
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
-from serd_core.bayes.evidence_fit import evidence_start, fit_by_evidence
-from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.bayes.strengths import PriorByEvidence, fit_by_evidence
+from serd_core.checks import require_kind, require_positive
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe_in
+from serd_core.demonstrations.observations import observe
 from serd_core.learners.certificate import certificate
 from serd_core.learners.fit_result import Assumptions, FitResult, fit_result
 from serd_core.learners.start import (
@@ -33,6 +33,7 @@ from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy, P
 from serd_core.posterior.beliefs import Belief, FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, free_numbers
 from serd_core.posterior.posterior import Posterior, require_possible
+from serd_core.priors.divergence import require_outcome_models
 from serd_core.priors.prior import Prior, UniformPrior
 
 UNIFORM, BY_EVIDENCE = UniformPrior(), PriorByEvidence()
@@ -59,34 +60,40 @@ def fit_serd(
         ("ascent", ascent, (Ascent,), "Lbfgs()"),
     ):
         require_kind(name, part, kinds, example)
-    observations = observe_in(problem, decisions)
+    observations, model = observe(problem, decisions), problem.mdp.transitions
+    weights = initial_weights
     if isinstance(prior, PriorByEvidence):
-        # Without parameters there are no dynamics to learn, or to have a prior.
-        if not problem.mdp.transitions.n_parameters:
-            belief = FixedBelief()
-        posterior = Posterior(problem, observations, policy_model, UNIFORM)
-        start = evidence_start(posterior, decisions, belief, initial_weights, dynamics)
-        staged = initial_weights is None
-        return fit_by_evidence(posterior, belief, prior, start, on_step, staged=staged).result()
-    weights = initial_weights_or_sample(problem, initial_weights, rng)
+        if not model.n_parameters:
+            belief = FixedBelief()  # there are no dynamics to learn, or to have a prior
+        elif belief.learns_dynamics:
+            require_outcome_models(model, "PriorByEvidence")
+        if weights is None:
+            weights = np.zeros(len(problem.feature_names))
+    weights = initial_weights_or_sample(problem, weights, rng)
     given = dynamics_or_estimate(problem, decisions, dynamics, learned=belief.learns_dynamics)
     start = starting_parameters(problem, policy_model, weights, given, belief)
-    moves = problem.mdp.transitions.moves.local_probabilities(start.truth)
-    require_possible(observations, problem.mdp, moves)
-    assumptions = Assumptions(policy_model, belief, prior, by_likelihood=True)
-    whole_prior = assumptions.whole_prior.anchored(moves)
-    posterior = Posterior(problem, observations, policy_model, whole_prior)
-    space = free_numbers(problem, belief, start)
-    objective = LogPosterior(posterior, space, divisor=observations.n_decisions)
-    ascended = ascent.maximise(objective, belief.pack(start), on_step)
-    reached = belief.unpack(ascended.vector, start)
-    parameters, ascended, undetermined = certificate(posterior, belief, reached, ascended, on_step)
+    local = model.moves.local_probabilities
+    require_possible(observations, problem.mdp, local(start.truth))
+    posterior = Posterior(problem, observations, policy_model, UNIFORM)
+    undetermined: tuple[str, ...] = ()
+    if isinstance(prior, PriorByEvidence):
+        staged = initial_weights is None
+        found = fit_by_evidence(posterior, belief, prior, start, on_step, staged=staged)
+        objective, parameters, ascended = found
+        prior = objective.posterior.prior
+    else:
+        whole_prior = (prior + belief.prior).anchored(local(start.truth))
+        posterior = replace(posterior, prior=whole_prior)
+        space, n_decisions = free_numbers(problem, belief, start), observations.n_decisions
+        objective = LogPosterior(posterior, space, divisor=n_decisions)
+        ended = ascent.maximise(objective, belief.pack(start), on_step)
+        reached = belief.unpack(ended.vector, start)
+        parameters, ended, undetermined = certificate(posterior, belief, reached, ended, on_step)
+        ascended = replace(ended, objective_trace=ended.objective_trace * n_decisions)
     final = objective.at(parameters)
-    local = problem.mdp.transitions.moves.local_probabilities
-    truth, believed = local(parameters.truth), local(parameters.belief)
-    trace = ascended.objective_trace * observations.n_decisions
-    ascended = replace(ascended, objective=final.objective, objective_trace=trace)
-    tables = (truth, believed, moves)
+    assumptions = Assumptions(policy_model, belief, prior, by_likelihood=True)
+    ascended = replace(ascended, objective=final.objective)
+    tables = local(parameters.truth), local(parameters.belief), local(start.truth)
     return fit_result(posterior, assumptions, parameters, final, ascended, tables, undetermined)
 
 
@@ -104,9 +111,10 @@ def fit_mdce_serd(
 ) -> FitResult:
     """Learn reward weights and dynamics at once from the decisions of a soft expert (Algorithm 1).
 
-    The expert follows the maximum discounted causal entropy policy (3.28) of the rewards and of the
-    dynamics that they believe in (section 4.4.1); weights are in units of one over their feature.
-    Decisions whose action is `HIDDEN` count by their states.
+    Maximises J = sum log pi(a | s) + sum log P(s' | s, a) + log prior (4.9). pi is the policy of
+    maximum discounted causal entropy (3.28) under the dynamics that the expert believes in (section
+    4.4.1). Weights are in units of one over their feature. Decisions whose action is `HIDDEN` count
+    by their states.
 
     problem: with F features and M outcome models of K outcomes (`TabularProblem`).
     initial_weights: (F,) to start from; None starts at 0 with a prior by evidence, and else draws
@@ -116,11 +124,11 @@ def fit_mdce_serd(
     belief: how what the expert believes of the dynamics relates to the truth: `TiedBelief()` (they
     know it), `FixedBelief()`, `FreeBelief()`, `CoupledBelief(weight)`.
     prior: None for `PriorByEvidence()`, proper priors whose strengths the decisions choose; a sum
-    of others such as `GaussianPrior(0, Block.REWARD, 2.0)`; `UniformPrior()` for the most likely
+    of others such as `GaussianPrior(2.0, Block.REWARD)`; `UniformPrior()` for the most likely
     parameters, which is also the default where an `ascent` is given.
     ascent: `Lbfgs()` or `TrustRegion()`; a prior by evidence has its own.
-    on_step: called with a `Step` after each step, with J per decision; returning True stops the
-    fit.
+    on_step: called after each step with a record of its `number`, `objective` (J per decision),
+    `gradient_norm`, `n_evaluations` and `vector`; returning True stops the fit.
 
     Returns a `FitResult`: `reward_weights` (F,), `outcome_probabilities` (M, K), `converged`, and
     why not. Raises SerdError where an argument is wrong, or an observed move is impossible.

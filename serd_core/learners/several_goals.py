@@ -2,8 +2,7 @@
 
     L(w) = sum over goals g of sum over decisions of g of log pi_g(a | s; w)
 
-Every goal has absorbing states, transitions and features of its own; the features have the same
-names.
+Every goal has absorbing states, transitions and features of its own, of the same names.
 """
 
 from collections.abc import Sequence
@@ -11,11 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, shown
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Objective, Scaled, StepCallback
 from serd_core.ascent.trust_region import NewtonAscent
+from serd_core.checks import float_array, shown
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.demonstrations.observations import observe_in
+from serd_core.demonstrations.observations import observe
 from serd_core.errors import SerdError
 from serd_core.learners.certificate import judged_weights
 from serd_core.learners.start import (
@@ -37,8 +37,7 @@ from serd_core.uncertainty.standard_errors import covariance_of
 class SharedRewards:
     """Weights of highest likelihood over all goals.
 
-    reward_weights: (F,); information: (F, F) observed; log_likelihoods: (G,) of the decisions of
-    each goal.
+    reward_weights: (F,); information: (F, F) observed; log_likelihoods: (G,) of each goal.
     """
 
     feature_names: tuple[str, ...]
@@ -102,13 +101,11 @@ class SumOverGoals(Objective):
     goals: Sequence[LogPosterior]
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """Sum of values and of gradients."""
         values = [goal.found(vector)[1].policy_log_likelihood for goal in self.goals]
         gradients = [goal.evaluate(vector)[1] for goal in self.goals]
         return float(sum(values)), np.sum(gradients, axis=0)
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        """Sum of second derivatives."""
         return np.asarray(np.sum([goal.hessian(vector) for goal in self.goals], axis=0))
 
 
@@ -121,7 +118,7 @@ def _log_likelihood(
             f"dynamics must be given for a model with {model.n_parameters} parameters, got None;"
             " pass estimate_dynamics(problem, decisions) or the truth"
         )
-    observations = observe_in(problem, decisions)
+    observations = observe(problem, decisions)
     known = dynamics_or_estimate(problem, decisions, dynamics)
     if decisions.hidden.any():
         raise SerdError(

@@ -1,7 +1,6 @@
 """Where a fit starts: line 3 of Algorithm 1, and the reward weights of section 4.6.2.
 
-`RewardSearch` is what learners of rewards alone have in common: dynamics they take as known, and
-their result.
+`RewardSearch` is what learners of rewards alone share: dynamics taken as known, and their result.
 """
 
 from collections.abc import Callable
@@ -10,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, float_array, number_array, require_generator, require_kind
+from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import (
     Ascent,
     AscentResult,
@@ -20,8 +19,9 @@ from serd_core.ascent.ascent import (
     StepCallback,
 )
 from serd_core.bellman.bellman_solver import BellmanSolution
+from serd_core.checks import float_array, number_array, require_generator, require_kind
 from serd_core.demonstrations.decisions import Decisions, require_shown
-from serd_core.demonstrations.observations import Observations, observe_in
+from serd_core.demonstrations.observations import Observations, observe
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_models_of
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
@@ -188,7 +188,7 @@ def reward_search(
 ) -> RewardSearch:
     """Prepare a search from the arguments that all these learners take."""
     require_shown(decisions, "learners of rewards by features or choices")
-    observations = observe_in(problem, decisions)
+    observations = observe(problem, decisions)
     known = dynamics_or_estimate(problem, decisions, dynamics)
     weights = initial_weights_or_sample(problem, initial_weights, rng)
     return RewardSearch(

@@ -9,16 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    int_array,
-    require_count,
-    require_each,
-    require_index,
-    require_memory,
-)
+from serd_core import checks
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions, require_decisions
 from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel, fixed_transitions
 from serd_core.dynamics.transition_model import TransitionModel
@@ -44,17 +36,17 @@ def finite_horizon(
         fit = sc.fit_mdce_serd(unrolled, sc.decisions_in_periods(decisions, n_states, 20))
     """
     require_problem(problem)
-    require_count("n_periods", n_periods, 1, "10")
+    checks.require_count("n_periods", n_periods, 1, "10")
     mdp, n_states, given = problem.mdp, problem.mdp.n_states, problem.features
     what = f"the features of {n_periods + 1} periods of {n_states} states"
-    require_memory(what, (n_periods + 1.0) * given.nbytes, "take fewer periods")
+    checks.require_memory(what, (n_periods + 1.0) * given.nbytes, "take fewer periods")
     periods = np.broadcast_to(given, (n_periods, *given.shape))
     if features is not None:
-        periods = float_array("features", features, periods.shape)
+        periods = checks.float_array("features", features, periods.shape)
     last = mdp.available.argmax(axis=1)
     once = np.where(mdp.final[:, None], given[np.arange(n_states), last], 0.0)
     if terminal_features is not None:
-        once = float_array("terminal_features", terminal_features, once.shape)
+        once = checks.float_array("terminal_features", terminal_features, once.shape)
         once = (1.0 - mdp.discount) * once
     paid = np.broadcast_to(once[:, None], (1, *given.shape))
     return TabularProblem(
@@ -100,20 +92,24 @@ def decisions_in_periods(
     n_states: S of the problem itself; period: (N,) of each decision; by default the first of an
     episode is in period 0, the next in 1, in the order of their times. SerdError where an episode
     is longer than the horizon.
+
+        unrolled = sc.decisions_in_periods(decisions, n_states, 20)
     """
     require_decisions(decisions)
-    require_count("n_periods", n_periods, 1, "10")
+    checks.require_count("n_periods", n_periods, 1, "10")
     if period is None:
         order = np.lexsort((decisions.time_s, decisions.episode))
         sorted_episodes = decisions.episode[order]
         period = np.empty(len(decisions), dtype=np.int64)
         period[order] = np.arange(len(order)) - np.searchsorted(sorted_episodes, sorted_episodes)
-    period = int_array("period", period, (len(decisions),))
+    period = checks.int_array("period", period, (len(decisions),))
     inside = (period >= 0) & (period < n_periods)
     fix = "take more periods or shorter episodes"
-    require_each("period", period, inside, f"be one of {n_periods} from 0", fix)
+    checks.require_each("period", period, inside, f"be one of {n_periods} from 0", fix)
     for name in ("state", "next_state"):
-        require_index(name, getattr(decisions, name), n_states, "a state of the problem itself")
+        checks.require_index(
+            name, getattr(decisions, name), n_states, "a state of the problem itself"
+        )
     return replace(
         decisions,
         state=decisions.state + period * n_states,

@@ -9,19 +9,8 @@ from functools import cached_property
 
 import numpy as np
 
-from serd_core.arrays import (
-    BYTES_PER_ENTRY,
-    LISTED_BYTES_PER_ENTRY,
-    BoolArray,
-    FloatArray,
-    first_index,
-    float_array,
-    is_number,
-    require_each,
-    require_kind,
-    require_memory,
-    shown,
-)
+from serd_core import checks
+from serd_core.arrays import BoolArray, FloatArray, first_index
 from serd_core.dynamics.outcome_models import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -31,25 +20,31 @@ from serd_core.errors import SerdError
 class Mdp:
     """A discounted Markov decision process whose transitions may still have parameters to learn.
 
-    transitions: P(s' | s, a), such as `OutcomeModels`; discount: gamma in [0, 1) per decision.
-    Raises SerdError where a state has no action.
+    transitions: P(s' | s, a), `OutcomeModels` or what `fixed_transitions` returns; discount: gamma
+    in [0, 1) per decision. Raises SerdError where a state has no action.
+
+        mdp = sc.Mdp(models, 0.95)
     """
 
     transitions: TransitionModel
     discount: float
 
     def __post_init__(self) -> None:
-        require_kind("transitions", self.transitions, (TransitionModel,), "OutcomeModels(...)")
-        if not (is_number(self.discount) and 0.0 <= self.discount < 1.0):
+        checks.require_kind(
+            "transitions", self.transitions, (TransitionModel,), "OutcomeModels(...)"
+        )
+        if not (checks.is_number(self.discount) and 0.0 <= self.discount < 1.0):
             raise SerdError(
-                f"discount must be in [0, 1), got {shown(self.discount)}; use for example 0.99"
+                f"discount must be in [0, 1), got {checks.shown(self.discount)}; use for example"
+                " 0.99"
             )
         object.__setattr__(self, "discount", float(self.discount))
         self.transitions.require_discount(self.discount)
         listed = isinstance(self.transitions, SparseModel)
-        require_memory(
+        checks.require_memory(
             f"the transitions of {self.n_states} states and {self.n_actions} actions",
-            (LISTED_BYTES_PER_ENTRY if listed else BYTES_PER_ENTRY) * self.transitions.n_entries,
+            (checks.LISTED_BYTES_PER_ENTRY if listed else checks.BYTES_PER_ENTRY)
+            * self.transitions.n_entries,
             "use fewer states, or fewer outcomes of each action",
         )
         if (stuck := first_index(~self.available.any(axis=1))) is not None:
@@ -95,20 +90,20 @@ ROUNDING = 1e-9
 
 def checked_policy(name: str, values: FloatArray, mdp: Mdp) -> FloatArray:
     """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
-    policy = float_array(name, values, mdp.available.shape)
+    policy = checks.float_array(name, values, mdp.available.shape)
     allowed = (policy >= -ROUNDING) & (mdp.available | (policy == 0.0))
     rule = "be a probability of an available action"
-    require_each(name, policy, allowed, rule, "use 0 for actions that are not available")
+    checks.require_each(name, policy, allowed, rule, "use 0 for actions that are not available")
     sums = policy.sum(axis=1)
     is_one = np.abs(sums - 1.0) <= SUM_TOLERANCE
-    require_each(name, sums, is_one, "sum to 1", "normalise over actions")
+    checks.require_each(name, sums, is_one, "sum to 1", "normalise over actions")
     return policy
 
 
 def checked_distribution(name: str, values: FloatArray, size: int) -> FloatArray:
     """(size,) copy of a distribution; SerdError where it is none."""
-    share = float_array(name, values, (size,))
-    require_each(name, share, share >= 0, "not be negative", "use 0 for never")
+    share = checks.float_array(name, values, (size,))
+    checks.require_each(name, share, share >= 0, "not be negative", "use 0 for never")
     if abs(float(share.sum()) - 1.0) > SUM_TOLERANCE:
         raise SerdError(f"{name} must sum to 1, got a sum of {share.sum()}; normalise it")
     return share

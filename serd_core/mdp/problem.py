@@ -12,17 +12,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    chosen_indices,
-    float_array,
-    int_array,
-    number_array,
-    require_index,
-    require_kind,
-    shown,
-)
+from serd_core import checks
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel, fixed_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -59,7 +50,7 @@ class TabularProblem:
     feature_names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        require_kind("mdp", self.mdp, (Mdp,), "Mdp(models, 0.95)")
+        checks.require_kind("mdp", self.mdp, (Mdp,), "Mdp(models, 0.95)")
         object.__setattr__(self, "feature_names", unique_names(self.feature_names))
         if not self.feature_names:
             raise SerdError(
@@ -67,10 +58,10 @@ class TabularProblem:
                 " makes a null model"
             )
         shape = (self.mdp.n_states, self.mdp.n_actions, len(self.feature_names))
-        given = number_array("features", self.features)
+        given = checks.number_array("features", self.features)
         if given.shape == shape:
             given = np.where(self.mdp.available[:, :, None], given, 0.0)
-        object.__setattr__(self, "features", float_array("features", given, shape))
+        object.__setattr__(self, "features", checks.float_array("features", given, shape))
 
 
 def require_problem(
@@ -96,12 +87,6 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def rewards(problem: Problem, reward_weights: FloatArray) -> FloatArray:
-    """(S, A) rewards theta_R . f(s, a) for (F,) weights."""
-    weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
-    return np.asarray(problem.features @ weights)
-
-
 def from_transitions(
     transitions: Any,
     features: Any,
@@ -119,14 +104,14 @@ def from_transitions(
 
         problem = sc.from_transitions(transitions, features, discount=0.95, terminal=[24])
     """
-    dense = float_array("transitions", transitions, (None, None, None))
+    dense = checks.float_array("transitions", transitions, (None, None, None))
     if dense.shape[0] != dense.shape[2]:
         raise SerdError(
             f"transitions must have shape (states, actions, states), got {dense.shape}; transpose"
             " them"
         )
     listed = list(terminal) if isinstance(terminal, Iterable) else terminal
-    ends = np.unique(chosen_indices("terminal", listed, len(dense), "a state"))
+    ends = np.unique(checks.chosen_indices("terminal", listed, len(dense), "a state"))
     places = np.nonzero(dense)
     mdp = Mdp(_known(dense.shape[:2], places, dense[places], ends), discount)
     return _problem(mdp, features, feature_names, ends)
@@ -155,7 +140,7 @@ def from_gymnasium(
     """
     pairs, columns = _gymnasium_table(environment)
     state, action, following, outcome, chance, reward, done = columns
-    require_index("next_state", following, pairs[0], "a state")
+    checks.require_index("next_state", following, pairs[0], "a state")
     ends = np.unique(following[done])
     model: OutcomeModels | SparseModel
     if model_of is not None:
@@ -186,7 +171,7 @@ def _problem(
 ) -> TabularProblem:
     """The problem with (S, F) or (S, A, F) features, which count once in terminal states."""
     n_states, n_actions = mdp.available.shape
-    values = np.asarray(number_array("features", features), dtype=np.float64)
+    values = np.asarray(checks.number_array("features", features), dtype=np.float64)
     if values.ndim == 2 and len(values) == n_states:
         values = np.repeat(values[:, None, :], n_actions, axis=1)
     if values.ndim != 3 or values.shape[:2] != (n_states, n_actions):
@@ -218,7 +203,7 @@ def _gymnasium_table(environment: Any) -> tuple[tuple[int, int], list[NDArray[An
         raise SerdError(
             "environment must have a table P, as FrozenLake, Taxi and CliffWalking have, of lists"
             " of outcomes (probability, next state, reward, terminated) for states and actions"
-            f" numbered from 0, got {shown(table)}; use from_transitions"
+            f" numbered from 0, got {checks.shown(table)}; use from_transitions"
         ) from error
     return pairs, [np.array(column) for column in (first, *others)]
 
@@ -233,5 +218,7 @@ def _outcome_models(
     successors[ends] = ends[:, None, None]
     available = np.any(successors >= 0, axis=2)
     available[ends] = np.arange(pairs[1]) == 0
-    which = int_array("model_of", model_of if np.ndim(model_of) else np.full(pairs, model_of))
+    which = checks.int_array(
+        "model_of", model_of if np.ndim(model_of) else np.full(pairs, model_of)
+    )
     return OutcomeModels(successors, which, available, int(which.max(initial=0)) + 1)

@@ -9,14 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    largest_per_row,
-    require_positive,
-    sum_per_row,
-)
+from serd_core.arrays import FloatArray, IntArray, largest_per_row, sum_per_row
 from serd_core.bellman.bellman_solver import (
     BellmanEquation,
     BellmanProblem,
@@ -26,8 +19,9 @@ from serd_core.bellman.bellman_solver import (
     SoftBellman,
     boltzmann,
 )
+from serd_core.checks import float_array, require_positive
 from serd_core.dynamics.transition_model import Transitions, transitions_of
-from serd_core.mdp.problem import Problem, require_problem, rewards
+from serd_core.mdp.problem import Problem, require_problem
 
 NEWTON, SOFT = Newton(), SoftBellman()
 #: Differences of values of one state that count as none, of the best and of the largest of all.
@@ -58,10 +52,9 @@ def soft_policy(
 ) -> Policy:
     """Solve for the maximum discounted causal entropy policy of known rewards (3.28 to 3.30).
 
-    reward_weights: (F,); outcome_probabilities: (M, K) of OutcomeModels, None for
-    known transitions.
-
-    Returns a `Policy` with value (S,), q (S, A) and probabilities (S, A).
+    reward_weights: (F,); outcome_probabilities: (M, K) of `OutcomeModels`, None for known
+    transitions. Returns value (S,), q (S, A), probabilities (S, A), greedy (S,) best actions, and
+    error_bound of the values. SerdError for other shapes, or rewards that overflow.
 
         policy = sc.soft_policy(problem, fit.reward_weights, fit.outcome_probabilities)
     """
@@ -95,6 +88,8 @@ def boltzmann_policy(
     """Solve for the Boltzmann policy pi(a | s) ~ exp(Q*(s, a) / temperature) (4.62).
 
     temperature: theta_P above 0, in the units of the rewards. Others as in `soft_policy`.
+
+        policy = sc.boltzmann_policy(problem, fit.reward_weights, fit.outcome_probabilities, 0.5)
     """
     require_positive("temperature", temperature)
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman())
@@ -108,7 +103,7 @@ def _solved(
     equation: BellmanEquation,
 ) -> BellmanSolution:
     require_problem(problem)
-    weights = float_array("reward_weights", weights, (len(problem.feature_names),))
+    float_array("reward_weights", weights, (len(problem.feature_names),))
     transitions = transitions_of(problem.mdp.transitions, outcome_probabilities)
     return solution_at(problem, weights, transitions, equation)
 
@@ -121,8 +116,9 @@ def solution_at(
     initial_value: FloatArray | None = None,
 ) -> BellmanSolution:
     """The Bellman equation for (F,) weights and given transitions, from a value (S,) or zero."""
+    weights = float_array("reward_weights", reward_weights, (len(problem.feature_names),))
     with np.errstate(over="ignore", invalid="ignore"):  # BellmanProblem rejects what overflows
-        reward = rewards(problem, reward_weights)
+        reward = problem.features @ weights
     return NEWTON.solve(BellmanProblem(equation, reward, transitions, problem.mdp), initial_value)
 
 
@@ -161,17 +157,10 @@ class PolicyModel:
         del policy_parameters
         return np.zeros((*q.shape, 0))
 
-    def parameter_gradient(
-        self, policy_parameters: FloatArray, q: FloatArray, log_policy_gradient: FloatArray
-    ) -> FloatArray:
-        """Gradient by theta_P of sum_sa w(s,a) log pi(a|s) for w = `log_policy_gradient`."""
-        scores = self.parameter_scores(policy_parameters, q)
-        return np.tensordot(log_policy_gradient, scores, axes=2)
-
     def parameter_curvature(
         self, policy_parameters: FloatArray, q: FloatArray, counts: FloatArray
     ) -> tuple[FloatArray, float]:
-        """(S, A) derivative of `parameter_gradient` by Q, and its derivative by theta_P."""
+        """(S, A) derivative of sum n(s,a) `parameter_scores` by Q, and its one by theta_P."""
         del policy_parameters, q
         return np.zeros_like(counts), 0.0
 

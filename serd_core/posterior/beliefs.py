@@ -73,21 +73,24 @@ class Belief:
 
 @dataclass(frozen=True)
 class TiedBelief(Belief):
-    """The expert knows the dynamics: theta_TE = theta_T."""
+    """Belief of a fit in which the expert knows the dynamics: believed and true ones are equal."""
 
     groups = (Block.REWARD,), (Block.BELIEF, Block.TRUTH)
 
 
 @dataclass(frozen=True)
 class FreeBelief(Belief):
-    """The expert may be wrong in any way: theta_TE and theta_T are learned apart (4.10)."""
+    """Belief of a fit in which the expert may be wrong: both dynamics are learned apart (4.10)."""
 
     groups = (Block.REWARD,), (Block.BELIEF,), (Block.TRUTH,)
 
 
 @dataclass(frozen=True)
 class CoupledBelief(FreeBelief):
-    """The expert may be wrong: a prior of the given weight keeps the belief near the truth."""
+    """Belief of a fit in which a prior keeps what the expert believes near the truth.
+
+    weight: at least 0, of the divergence sum P_T log(P_T / P_TE) over all transitions, in nats.
+    """
 
     weight: float
 
@@ -96,13 +99,12 @@ class CoupledBelief(FreeBelief):
 
     @property
     def prior(self) -> Prior:
-        """The coupling prior."""
         return CouplingPrior(self.weight)
 
 
 @dataclass(frozen=True)
 class FixedBelief(Belief):
-    """Dynamics are given and stay as they are: inverse reinforcement learning."""
+    """Belief of a fit whose dynamics are given and stay: inverse reinforcement learning."""
 
     groups = ((Block.REWARD,),)
     learns_dynamics = False

@@ -108,7 +108,6 @@ class LogPosterior(Objective):
     _last_hessian: tuple[FloatArray, FloatArray] | None = None
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
-        """J / divisor and its (d,) gradient."""
         parameters, found = self.found(vector)
         by_free = self.coordinates.belief.pull_back(found.gradient, parameters) / self.divisor
         return found.objective / self.divisor, np.asarray(self.coordinates.table.T @ by_free)

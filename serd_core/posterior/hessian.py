@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from serd_core.arrays import FloatArray, IntArray, require_memory
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.bellman.bellman_solver import Adjoint, BellmanSolution, policy_system
+from serd_core.checks import require_memory
 from serd_core.dynamics.transition_model import (
     TransitionModel,
     Transitions,
@@ -91,20 +92,14 @@ def sensitivities(
     _require_memory(n_derivatives, f"{model.n_states} states", model.n_states)
     policy, n_local = solution.policy, len(local_jacobian)
     numbers = discount * solution.value[model.successor]
-    by_local = scipy.sparse.csr_array(
-        (numbers, model.local_index, model.row_start), shape=(policy.size, n_local)
-    )
-    chosen = scipy.sparse.csr_array(
-        (
-            numbers * policy.ravel()[model.row],
-            model.local_index,
-            model.row_start[:: model.n_actions],
-        ),
-        shape=(model.n_states, n_local),
-    )
-    usable = (
-        features if model.available.all() else np.where(model.available[..., None], features, 0.0)
-    )
+    rows, states = model.row_start, model.row_start[:: model.n_actions]
+    shape = policy.size, n_local
+    by_local = scipy.sparse.csr_array((numbers, model.local_index, rows), shape=shape)
+    taken, shape = numbers * policy.ravel()[model.row], (model.n_states, n_local)
+    chosen = scipy.sparse.csr_array((taken, model.local_index, states), shape=shape)
+    usable = features
+    if not model.available.all():
+        usable = np.where(model.available[..., None], features, 0.0)
     by_reward = np.einsum("sa,saf->sf", policy, usable)
     system = policy_system(transitions, policy, discount, n_derivatives)
     by_value = system.solve(np.concatenate([by_reward, chosen @ local_jacobian], axis=1))

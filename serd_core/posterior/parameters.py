@@ -13,7 +13,11 @@ from serd_core.arrays import FloatArray
 
 
 class Block(Enum):
-    """Names of the parameter blocks, for which priors are given: rewards, truth, belief, policy."""
+    """The block of parameters that a prior is on.
+
+    REWARD: weights; TRUTH: dynamics of the world; BELIEF: those that the expert believes in;
+    POLICY: the temperature of `fit_pm_serd`.
+    """
 
     REWARD = "reward"
     BELIEF = "belief"

@@ -212,11 +212,12 @@ class Posterior:
         if seen.dwells is not None:
             of_dwells, by_dwells = seen.dwells.evaluate(parameters.truth)
             dynamics_value, truth = dynamics_value + of_dwells, truth + by_dwells
+        scores = self.policy_model.parameter_scores(parameters.policy, solution.q)
         gradient = Parameters(
             reward=np.tensordot(gradients.reward_gradient, self.features, axes=2),
             belief=self._model.pull_back(parameters.belief, gradients.local_gradient),
             truth=truth,
-            policy=self.policy_model.parameter_gradient(parameters.policy, solution.q, counts),
+            policy=np.tensordot(counts, scores, axes=2),
         )
         return PosteriorValue(
             policy_log_likelihood=policy_value,

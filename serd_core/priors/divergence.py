@@ -15,15 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import gammaln
 
-from serd_core.arrays import (
-    FloatArray,
-    float_array,
-    floored,
-    padded,
-    require_each,
-    require_kind,
-    require_positive,
-)
+from serd_core.arrays import FloatArray, floored, padded
+from serd_core.checks import float_array, require_each, require_kind, require_positive
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
     TransitionModel,
@@ -40,10 +33,11 @@ from serd_core.priors.prior import LogPrior, Prior, require_dynamics_block, requ
 
 @dataclass(frozen=True, eq=False)
 class KldPrior(Prior):
-    """A prior that keeps dynamics near a reference Q, by the divergence of a block's P from it.
+    """A prior that keeps dynamics P near others Q: -lambda sum w(s, a) Q log(Q / P) (4.91).
 
-    weight: lambda; reference: local probabilities of Q, None for the learner's initial dynamics.
-    state_action_weights: (S, A) weights w of the pairs; None for one everywhere.
+    weight: lambda, at least 0; reference: (M, K) outcome probabilities of Q, None for those that
+    the fit starts with; block: of P, `Block.TRUTH` or `Block.BELIEF`; state_action_weights: (S, A)
+    w, None for 1. It is no density, so it has no evidence.
     """
 
     weight: float
@@ -57,7 +51,6 @@ class KldPrior(Prior):
         require_dynamics_block("KldPrior", self.block)
 
     def anchored(self, initial_local_probabilities: FloatArray) -> Prior:
-        """Take the initial dynamics as reference where none was given."""
         if self.reference is not None:
             return self
         return replace(self, reference=initial_local_probabilities)
@@ -71,7 +64,6 @@ class KldPrior(Prior):
         return LogPrior(-float(value), parameters.zeros().with_block(self.block, slope))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Second derivatives, in the part of the block."""
         theta = parameters.block(self.block)
         reference, weights, probability = self._terms(model.moves, theta)
         ratio = weights * reference / probability
@@ -104,7 +96,6 @@ class CouplingPrior(Prior):
         require_weight("weight of CouplingPrior", self.weight)
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Value and gradient by both dynamics blocks."""
         truth = transition_probabilities(model, parameters.truth)
         belief = transition_probabilities(model, parameters.belief)
         log_ratio = np.log(truth / belief)
@@ -138,7 +129,12 @@ class CouplingPrior(Prior):
 
 @dataclass(frozen=True)
 class DirichletPrior(Prior):
-    """A prior on dynamics: `pseudo_count` added to every outcome of every model of a block."""
+    """A prior on outcome models: `pseudo_count` observations added to every outcome of each model.
+
+    The log density is c sum log P over the outcomes of a block, `Block.TRUTH` or `Block.BELIEF`.
+
+        fit = sc.fit_mdce_serd(problem, decisions, rng=rng, prior=sc.DirichletPrior(1.0))
+    """
 
     pseudo_count: float
     block: Block = Block.TRUTH
@@ -150,7 +146,6 @@ class DirichletPrior(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The block."""
         return (self.block,)
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:

@@ -9,15 +9,8 @@ from operator import is_
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    gradient_differences,
-    is_number,
-    number_array,
-    require_kind,
-    require_positive,
-    shown,
-)
+from serd_core.arrays import FloatArray, gradient_differences
+from serd_core.checks import is_number, number_array, require_kind, require_positive, shown
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.posterior.parameters import Block, Parameters
@@ -90,14 +83,12 @@ class SumOfPriors(Prior):
             require_kind("a term of a sum of priors", term, (Prior,), "UniformPrior()")
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Sum of values and of gradients."""
         value, gradient = 0.0, parameters.zeros()
         for part in (term.evaluate(model, parameters) for term in self.terms):
             value, gradient = value + part.value, gradient + part.gradient
         return LogPrior(value, gradient)
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """Sum of the terms' second derivatives."""
         table = np.zeros((len(parameters.vector),) * 2)
         for term in self.terms:
             table += term.hessian(model, parameters)
@@ -105,15 +96,12 @@ class SumOfPriors(Prior):
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks of all terms."""
         return tuple(block for term in self.terms for block in term.blocks)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """Sum of the terms' constants."""
         return float(sum(term.log_constant(model, parameters) for term in self.terms))
 
     def anchored(self, initial_local_probabilities: FloatArray) -> "Prior":
-        """Anchor every term."""
         terms = tuple(term.anchored(initial_local_probabilities) for term in self.terms)
         # By identity: priors of users may hold arrays, whose comparison is no single truth value.
         return self if all(map(is_, terms, self.terms)) else SumOfPriors(terms)
@@ -153,9 +141,9 @@ _LARGEST = 1e50
 
 @dataclass(frozen=True)
 class GaussianPrior(Prior):
-    """A prior on any block: independent normal distributions with one mean.
+    """A prior on any block: independent normal distributions with one mean (section 4.6.2).
 
-    standard_deviation: one for the block, or a tuple of one per number.
+    standard_deviation: one for the block, or a tuple of one per number, in the block's units.
 
         prior = sc.GaussianPrior(2.0, sc.Block.REWARD)
     """
@@ -165,7 +153,14 @@ class GaussianPrior(Prior):
     mean: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_deviations(self.standard_deviation)
+        name = "standard_deviation of GaussianPrior"
+        for value in number_array(name, self.standard_deviation).ravel():
+            require_positive(name, value)
+            if not 1.0 / _LARGEST <= value <= _LARGEST:
+                raise SerdError(
+                    f"{name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got {shown(value)};"
+                    " use for example 1"
+                )
         require_kind("block of GaussianPrior", self.block, (Block,), "Block.REWARD")
         if not (is_number(self.mean) and abs(self.mean) <= _LARGEST):
             raise SerdError(
@@ -174,7 +169,6 @@ class GaussianPrior(Prior):
             )
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """Value and gradient."""
         del model
         theta = parameters.block(self.block)
         deviation = self._deviations(theta)
@@ -210,15 +204,3 @@ class GaussianPrior(Prior):
                 f" per parameter of the block {self.block.value}, got {len(given)}"
             )
         return np.broadcast_to(given, theta.shape)
-
-
-def _require_deviations(given: float | tuple[float, ...]) -> None:
-    """SerdError unless all are above 0, and neither too small nor too large for arithmetic."""
-    name = "standard_deviation of GaussianPrior"
-    for value in number_array(name, given).ravel():
-        require_positive(name, value)
-        if not 1.0 / _LARGEST <= value <= _LARGEST:
-            raise SerdError(
-                f"{name} must be from {1.0 / _LARGEST:g} to {_LARGEST:g}, got"
-                f" {shown(value)}; use for example 1"
-            )

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from serd_core.arrays import FloatArray, first_index, float_array, number_array, require_index
+from serd_core.arrays import FloatArray, first_index
+from serd_core.checks import float_array, number_array, require_index
 from serd_core.demonstrations.decisions import Decisions, require_decisions, require_shown
-from serd_core.demonstrations.observations import explaining_transitions, observe_in
+from serd_core.demonstrations.observations import explaining_transitions, observe
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
@@ -23,9 +24,14 @@ from serd_core.semi_markov.models import SemiMarkovModels
 
 
 def policy_log_likelihood(problem: Problem, decisions: Decisions, policy: FloatArray) -> float:
-    """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0."""
+    """Compute the mean log pi(a | s) of decisions under an (S, A) policy, -inf if that is 0.
+
+    SerdError where actions are hidden, or a row of the policy is no distribution.
+
+        mean = sc.policy_log_likelihood(problem, decisions, policy.probabilities)
+    """
     require_shown(decisions, "the likelihood of a policy alone")
-    counts = observe_in(problem, decisions).state_action
+    counts = observe(problem, decisions).state_action
     chosen = checked_policy("policy", policy, problem.mdp)
     seen = counts > 0
     if np.any(chosen[seen] <= 0):
@@ -57,6 +63,8 @@ def validation_log_likelihood(problem: Problem, decisions: Decisions, fit: FitRe
     """Compute the mean log-likelihood of other decisions under the policy of a fit.
 
     That of a hidden action is log sum_a pi(a | s) P(s' | s, a), with the fit's dynamics.
+
+        mean = sc.validation_log_likelihood(problem, decisions, fit)
     """
     policy = fitted_policy(problem, fit)
     require_decisions(decisions)

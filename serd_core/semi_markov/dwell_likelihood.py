@@ -24,16 +24,10 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtri
 
-from serd_core.arrays import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    require_kind,
-    require_positive,
-    weighted_counts,
-)
+from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.ascent.ascent import Objective
 from serd_core.ascent.trust_region import NewtonAscent
+from serd_core.checks import require_kind, require_positive
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -267,9 +261,12 @@ WIDE, MEDIAN_SHAPE, SHAPE_DEVIATION = 3.0, 4.0, 1.0
 
 @dataclass(frozen=True)
 class DwellPrior(Prior):
-    """That density; deviation: sd of log means around their common one. The energies have none.
+    """A prior on laws of dwell times, which completes the prior on outcomes of the same block.
 
-    It completes the prior of a block, usually a DirichletPrior, and claims none by itself.
+    deviation: sd of the log means around a common one, which is free; log shapes are normal around
+    log 4 with sd 1. block: `Block.TRUTH` or `Block.BELIEF`. SerdError where moves take no time.
+
+        prior = sc.DirichletPrior(1.0) + sc.DwellPrior(1.0)
     """
 
     deviation: float

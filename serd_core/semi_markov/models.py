@@ -12,8 +12,7 @@ outcomes, then the log mean (s) of each law of dwell times, then the log shape o
 
 Some durations are given instead: a decision takes one second in states that nothing leaves, and
 where its model has no law; and it may end in its own state after a given time without a move. So a
-row of the table is a local model with the outcomes that stay, and with the pace of its state, by
-which log means are moved.
+row of the table is a local model with the outcomes that stay, and a pace that moves its log means.
 """
 
 from dataclasses import dataclass, is_dataclass, replace
@@ -22,17 +21,8 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    first_index,
-    float_array,
-    int_array,
-    require_each,
-    require_kind,
-    require_positive,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, IntArray, first_index, weighted_counts
+from serd_core.checks import float_array, int_array, require_each, require_kind, require_positive
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -77,7 +67,6 @@ class SemiMarkovModels(OutcomeModels):
 
     @property
     def moves(self) -> OutcomeModels:
-        """The outcomes alone."""
         return self.outcomes
 
     @property
@@ -275,10 +264,10 @@ def semi_markov_problem(
     stay_s: FloatArray | float | None = None,
     log_pace: FloatArray | None = None,
 ) -> P:
-    """The same problem with moves that take time, and with its discount per second.
+    """Make a problem whose moves take time from one of decisions; its discount is then per second.
 
-    law_of: (M, K) gamma law of each outcome, from 0, or `NO_LAW` for whole models, whose decisions
-    all take stay_s, or one second where that is not given; None for one law per model that a state
+    law_of: (M, K) gamma law of each outcome, from 0, or -1 for whole models, whose decisions all
+    take stay_s, or one second where that is not given; None for one law per model that a state
     uses which some action leaves. stay_s: seconds after which a decision without a move ends in its
     own state, of all or of each (M,) model; None where staying has the law of its outcome.
     log_pace: (S,) by which the log means of each state are moved; None for 0. A problem that has

@@ -20,16 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    float_array,
-    floored,
-    require_count,
-    weighted_counts,
-)
+from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
 from serd_core.bayes.information import interval, learned_outcomes, named_source
 from serd_core.bayes.laplace import Laplace, PosteriorDraws
+from serd_core.checks import float_array, require_count
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
@@ -79,8 +73,9 @@ class PlaceComparison:
 
 
 def fit_places(problem: Problem, decisions: Decisions, parameters: FloatArray) -> PlacePaces:
-    """Multipliers of dwell times by state, the laws being those of (N,) parameters.
+    """Find how much slower moves are in each state, the laws being those of (N,) parameters.
 
+    Returns log_pace (S,), by which log means are moved, and its standard deviations.
     `semi_markov_problem(problem, log_pace=...)` plans with them. SerdError where moves take no time
     or have multipliers already, or decisions have no dwell times.
 
@@ -135,10 +130,11 @@ class _Places:
 
 
 def compare_places(problem: Problem, decisions: Decisions, n_folds: int = 5) -> PlaceComparison:
-    """Whether dwell times differ by place, on episodes that were left out.
+    """Test on episodes that were left out whether dwell times differ by place.
 
     Laws are counted (`estimate_dynamics`). n_folds: parts of the episodes, of which each is left
-    out once. SerdError where there are fewer than three episodes, moves take no time or have
+    out once. Returns what to take (`chosen`), and the lead of places in nats per episode with its
+    standard error. SerdError where there are fewer than three episodes, moves take no time or have
     multipliers already, or decisions have no dwell times.
 
         print(sc.compare_places(timed, decisions).chosen)
@@ -210,10 +206,10 @@ class DwellSummary:
 
 
 def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> DwellSummary:
-    """Laws of dwell times of the world, and what is known of them.
+    """Summarise what a fit found about dwell times: laws, intervals, and what informed them.
 
-    draws: of the posterior; mass: that intervals hold. SerdError where moves take no time, or the
-    fit learned no dynamics.
+    found: of `laplace`; draws: of `laplace_draws`; mass: that intervals hold. SerdError where moves
+    take no time, or the fit learned no dynamics.
 
         found = sc.laplace(timed, decisions, fit)
         laws = sc.dwell_summary(found, sc.laplace_draws(found, rng, 400))

@@ -11,16 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # loads stats at its first use
 
-from serd_core.arrays import (
-    FloatArray,
-    IntArray,
-    int_array,
-    number_array,
-    require_count,
-    require_each,
-    require_generator,
-    require_share,
-)
+from serd_core import checks
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions, require_decisions
 from serd_core.demonstrations.observations import taken_transitions
 from serd_core.errors import SerdError
@@ -40,15 +32,20 @@ def clustered_outer_product(
 
     clusters: (N,) of each decision; None for episodes. Returns the (n, n) sum over clusters of the
     outer product of the sum of their scores, with the factor C / (C - 1) of C clusters (Cameron and
-    Miller, Journal of Human Resources 50, 2015); it is the `meat` of `standard_errors`.
+    Miller, Journal of Human Resources 50, 2015); it is the argument `meat` of `standard_errors`.
+    SerdError where actions are hidden, or decisions are not those of the information.
+
+        information = sc.fit_information(problem, decisions, fit)
+        by_episode = sc.clustered_outer_product(problem, information, decisions)
+        errors = sc.standard_errors(problem, information, meat=by_episode)
     """
     require_problem(problem)
     require_information(information)
     require_decisions(decisions)
     given = decisions.episode if clusters is None else clusters
-    labels = int_array("clusters", given, (len(decisions),))
+    labels = checks.int_array("clusters", given, (len(decisions),))
     names, cluster = np.unique(labels, return_inverse=True)
-    require_count("the number of clusters", len(names), 2, "more episodes")
+    checks.require_count("the number of clusters", len(names), 2, "more episodes")
     key, n_hidden = taken_transitions(problem.mdp, decisions), int(decisions.hidden.sum())
     if n_hidden or not np.array_equal(key, information.key):
         raise SerdError(
@@ -77,7 +74,7 @@ class Bootstrap:
 
     def interval(self, coverage: float = 0.95) -> tuple[FloatArray, FloatArray]:
         """Lower and upper end of the percentile intervals."""
-        require_share("coverage", coverage)
+        checks.require_share("coverage", coverage)
         low, high = np.quantile(self.estimates, [0.5 - coverage / 2, 0.5 + coverage / 2], axis=0)
         return low, high
 
@@ -96,10 +93,10 @@ def bootstrap(
         drawn = sc.bootstrap(decisions, lambda d: sc.estimate_dynamics(problem, d), rng=rng)
         print(drawn.standard_errors, drawn.interval(0.95))
     """
-    require_generator(rng)
+    checks.require_generator(rng)
     require_decisions(decisions)
-    require_count("n", n, 2, "200")
-    require_count("the number of episodes", len(decisions.episodes), 2, "more decisions")
+    checks.require_count("n", n, 2, "200")
+    checks.require_count("the number of episodes", len(decisions.episodes), 2, "more decisions")
     order = np.argsort(decisions.episode, kind="stable")
     rows = np.split(order, np.flatnonzero(np.diff(decisions.episode[order])) + 1)
     estimates = []
@@ -110,8 +107,8 @@ def bootstrap(
         sample = decisions.select(np.concatenate(chosen))
         estimates.append(estimate(replace(sample, episode=episode)))
     name, fix = "what estimate returns", "estimate what every sample of the episodes determines"
-    found = np.asarray(number_array(name, estimates), dtype=np.float64)
-    require_each(name, found, ~np.isnan(found), "be a number for every sample", fix)
+    found = np.asarray(checks.number_array(name, estimates), dtype=np.float64)
+    checks.require_each(name, found, ~np.isnan(found), "be a number for every sample", fix)
     return Bootstrap(found)
 
 
@@ -154,7 +151,7 @@ def likelihood_ratio_test(
         )
     less = len(full.reward_weights) - len(restricted.reward_weights)
     number = less if n_restrictions is None else n_restrictions
-    require_count("n_restrictions", number, 1, "the larger model as full")
+    checks.require_count("n_restrictions", number, 1, "the larger model as full")
     less_likely, most = (
         fit.policy_log_likelihood + fit.dynamics_log_likelihood + fit.hidden_log_likelihood
         for fit in (restricted, full)

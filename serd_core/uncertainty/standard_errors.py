@@ -21,7 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray, float_array, require_kind
+from serd_core.arrays import FloatArray, IntArray
+from serd_core.checks import float_array, require_kind
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.demonstrations.observations import observe, taken_transitions
 from serd_core.errors import SerdError
@@ -97,7 +98,7 @@ def fit_information(
     require_fit(fit)
     assumed = fit.assumed
     _require_fitting(problem, fit)
-    observations = observe(problem.mdp, decisions)
+    observations = observe(problem, decisions)
     whole_prior = assumed.whole_prior.anchored(fit.initial_outcome_probabilities)
     posterior = Posterior(problem, observations, assumed.policy_model, whole_prior)
     at = posterior.evaluate(fit.parameters)
@@ -114,9 +115,14 @@ def fit_information(
     counts = np.concatenate([counts, observations.hidden.count])
     observed = -vector_hessian(assumed.belief, hessian, at.gradient, fit.parameters)
     scaling = free_scaling(posterior, fit.parameters, jacobian)
+    if scaling is not None:
+        # Rounding, and an inexact maximum, leave something along it.
+        unit = scaling / np.linalg.norm(scaling)
+        across = np.eye(len(unit)) - np.outer(unit, unit)
+        observed = across @ observed @ across
     return Information(
         names=free_names(problem, fit.parameters, jacobian),
-        observed=observed if scaling is None else _flat_along(scaling, observed),
+        observed=observed,
         outer_product=(free_scores * counts[:, None]).T @ free_scores,
         gradient=assumed.belief.pull_back(at.gradient, fit.parameters),
         score_sizes=np.max(np.abs(jacobian) * sizes[:, None], axis=0),
@@ -158,13 +164,6 @@ def _scores_of_timed(
     return scores[shown]
 
 
-def _flat_along(direction: FloatArray, matrix: FloatArray) -> FloatArray:
-    """(n, n) the symmetric matrix without what rounding and an inexact maximum leave along one."""
-    unit = direction / np.linalg.norm(direction)
-    across = np.eye(len(unit)) - np.outer(unit, unit)
-    return np.asarray(across @ matrix @ across)
-
-
 def _require_fitting(problem: Problem, fit: FitResult) -> None:
     at = fit.parameters
     for name, found, wanted in (
@@ -182,6 +181,8 @@ def _require_fitting(problem: Problem, fit: FitResult) -> None:
 NULL_SHARE = 1e-9
 #: Eigenvalues below minus this share of the largest are negative beyond rounding.
 NEGATIVE_SHARE = 1e-6
+#: Share of the largest part of a null direction below which others are not named.
+SMALL_PART = 0.1
 
 # Share of the squared size of what was subtracted below which information is rounding.
 _ROUNDING = 1e-13
@@ -206,11 +207,6 @@ class Spectrum:
         """(m,) directions without information."""
         largest = max(float(self.values[-1]), np.finfo(np.float64).tiny)
         return np.asarray(self.values <= NULL_SHARE * largest)
-
-    @property
-    def indefinite(self) -> bool:
-        """Whether an eigenvalue is negative beyond rounding."""
-        return bool(self.values[0] < -NEGATIVE_SHARE * abs(self.values[-1]))
 
     @property
     def covariance(self) -> FloatArray:
@@ -279,23 +275,13 @@ def identifiability(information: Information) -> Identifiability:
         print(sc.identifiability(sc.fit_information(problem, decisions, fit)).null)
     """
     require_information(information)
-    found = spectrum(information, information.outer_product)
-    directions = zip(found.values[found.null], found.loadings[found.null], strict=True)
-    null = [
-        NullDirection(float(value), _loadings(information.names, loadings))
-        for value, loadings in directions
-    ]
+    found, null = spectrum(information, information.outer_product), []
+    for value, parts in zip(found.values[found.null], found.loadings[found.null], strict=True):
+        order = np.argsort(-np.abs(parts), kind="stable")
+        large = order[np.abs(parts[order]) >= SMALL_PART * np.abs(parts).max()]
+        loadings = tuple((information.names[i], float(parts[i])) for i in large)
+        null.append(NullDirection(float(value), loadings))
     return Identifiability(eigenvalues=found.values, null=tuple(null))
-
-
-def _loadings(
-    names: tuple[str, ...], direction: FloatArray, share: float = 0.1
-) -> tuple[tuple[str, float], ...]:
-    order = np.argsort(-np.abs(direction), kind="stable")
-    largest = abs(direction[order[0]])
-    return tuple(
-        (names[i], float(direction[i])) for i in order if abs(direction[i]) >= share * largest
-    )
 
 
 #: Part of a null direction below which a parameter counts as not moved by it.
@@ -329,7 +315,7 @@ def standard_errors(
     require_information(information)
     matrix = information.observed if matrix is None else matrix
     found = spectrum(information, matrix)
-    if found.indefinite:
+    if found.values[0] < -NEGATIVE_SHARE * abs(found.values[-1]):
         raise SerdError(
             "the information matrix must not have negative eigenvalues, got"
             f" {found.values[0]}: the fit is no maximum; continue it until it has converged"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from serd_core import arrays
+from serd_core import checks
 
 
 def words(text):
@@ -23,7 +23,7 @@ WRONG = {
     **dict.fromkeys(
         words("""
         problem decisions samples mdp transitions prior ascent rng fit information found restricted
-        full policy_model
+        full
 """),
         KINDS,
     ),
@@ -31,8 +31,8 @@ WRONG = {
         words("""
         initial_weights reward_weights dynamics policy sampling_policy
         thresholds outcome_probabilities start_distribution features terminal_features episode
-        time_s state action next_state successors model_of available truth visits probability
-        errors clusters matrix meat period
+        time_s state action next_state successors model_of available probability clusters matrix
+        meat period
 """),
         NO_ARRAYS,
     ),
@@ -41,11 +41,11 @@ WRONG = {
         NOT_POSITIVE,
     ),
     **dict.fromkeys(
-        words("confidence slack discount coverage weight gradient_tolerance"),
+        words("slack discount weight gradient_tolerance"),
         NO_NUMBERS,
     ),
     **dict.fromkeys(
-        words("n_episodes n_steps n_periods n_decisions n_models n n_folds"),
+        words("n_episodes n_steps n_periods n_models n"),
         NO_COUNTS,
     ),
     "terminal": ["x", 3, [[1], [0, 1]], ["a"], [True], [99]],
@@ -54,9 +54,8 @@ WRONG = {
     "short": NO_NUMBERS,
 }
 #: Words in which sentences name tables that several arguments give.
-NAMED = dict.fromkeys(("dynamics", "outcome_probabilities", "truth"), "outcome probabilities") | {
-    "state": "probability"
-}
+NAMED = dict.fromkeys(("dynamics", "outcome_probabilities"), "outcome probabilities")
+NAMED["state"] = "probability"
 
 
 @pytest.fixture(scope="module")
@@ -68,13 +67,11 @@ def valid(gridworld):
     uniform = np.full(problem.mdp.available.shape, 1.0 / problem.mdp.n_actions)
     return {
         **dict.fromkeys(words("decisions samples"), decisions),
-        **dict.fromkeys(words("outcome_probabilities dynamics truth"), table),
-        **dict.fromkeys(words("visits policy sampling_policy"), uniform),
+        **dict.fromkeys(words("outcome_probabilities dynamics"), table),
+        **dict.fromkeys(words("policy sampling_policy"), uniform),
         **dict.fromkeys(words("fit restricted full"), fit),
         **dict.fromkeys(words("temperature weight standard_deviation"), 1.0),
-        **dict.fromkeys(words("n_episodes n_steps n_periods n_decisions"), 2),
-        "first": [0, 1],
-        "second": [0, 1],
+        **dict.fromkeys(words("n_episodes n_steps n_periods"), 2),
         "problem": problem,
         "mdp": problem.mdp,
         "transitions": models,
@@ -89,7 +86,6 @@ def valid(gridworld):
         **{name: getattr(models, name) for name in words("successors model_of available n_models")},
         "discount": 0.9,
         "block": sc.Block.REWARD,
-        "errors": np.ones(2),
         "information": sc.fit_information(problem, decisions, fit),
         "found": sc.laplace(problem, decisions, fit),
         "n_pairs": (25, 5),
@@ -168,7 +164,7 @@ LISTED = [0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 1, 0]
 
 def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridworld, monkeypatch):
     problem = gridworld.problem
-    monkeypatch.setattr(arrays, "memory_limit", lambda: 30_000)
+    monkeypatch.setattr(checks, "memory_limit", lambda: 30_000)
     with pytest.raises(
         sc.SerdError,
         match=r"the transitions of 25 states and 5 actions must fit into memory, but needs"
@@ -177,7 +173,7 @@ def test_what_would_not_fit_into_memory_is_refused_with_the_bytes_it_needs(gridw
         sc.Mdp(problem.mdp.transitions, 0.9)
     with pytest.raises(sc.SerdError, match="second derivatives by 47 parameters over 25 states"):
         sc.fit_mdce_serd(problem, gridworld.decisions)
-    monkeypatch.setattr(arrays, "memory_limit", lambda: 799)  # entry by entry is more
+    monkeypatch.setattr(checks, "memory_limit", lambda: 799)  # entry by entry is more
     with pytest.raises(sc.SerdError, match=r"must fit into memory, but needs 800 bytes of 799"):
         sc.Mdp(sc.fixed_transitions((2, 2), *LISTED, np.ones(4)), 0.9)
 

@@ -42,4 +42,4 @@ def demonstrations(
 
 def objective_of(problem: Problem, decisions: Decisions) -> Posterior:
     """The log posterior of MDCE SERD without a prior, solved as in a fit."""
-    return Posterior(problem, observe(problem.mdp, decisions), MdcePolicy(), UniformPrior())
+    return Posterior(problem, observe(problem, decisions), MdcePolicy(), UniformPrior())

@@ -12,7 +12,8 @@ import numpy as np
 import scipy.ndimage
 from PIL import Image
 
-from serd_core.arrays import BoolArray, FloatArray, float_array
+from serd_core.arrays import BoolArray, FloatArray
+from serd_core.checks import float_array
 from serd_core.errors import SerdError
 
 SMOOTHING_CELLS = 0.1

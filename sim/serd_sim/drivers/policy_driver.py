@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from serd_core.arrays import FloatArray, float_array
+from serd_core.arrays import FloatArray
+from serd_core.checks import float_array
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.errors import SimError

@@ -13,25 +13,15 @@ from serd_core.arrival.arriving_policy import (
     least_time_policy,
     trap_states,
 )
-from serd_core.grid.grid import Action, Grid
-from serd_core.grid.navigation import NO_FLOW, build_navigation_problem
+from serd_core.grid.grid import Action
+from serd_core.grid.navigation import NO_FLOW
 from serd_core.policies.solved_policy import optimal_policy
 from support.arrival_twin import arrival_by_state
+from support.small_problems import room
 
 N_STEPS = 200
 #: Of a move (stay, forward, right, back, left), and of waiting.
 SURE, STANDS = [0.0, 1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]
-
-
-def problem_of(walkable, goals, flow=None):
-    grid = Grid((0.0, 0.0), 1.0, np.asarray(walkable, dtype=bool))
-    return build_navigation_problem(
-        grid=grid,
-        flow=np.full(grid.n_states, NO_FLOW) if flow is None else np.asarray(flow),
-        goal_states=goals,
-        wall_distance_m=1.0 + np.arange(grid.n_states, dtype=float),
-        discount=0.95,
-    )
 
 
 def one_second(problem):
@@ -55,7 +45,7 @@ def driven_by(problem, learned, outcomes, n_steps=N_STEPS):
 
 
 def test_moves_that_often_fail_take_the_geometric_mean_of_periods_per_cell():
-    problem = problem_of(np.ones((1, 6)), [5])
+    problem = room(1, 6, 5, NO_FLOW)
     for chance, close in ((0.25, 1e-6), (1e-6, 0.01)):
         found = least_time(problem, outcomes_of([1.0 - chance, chance, 0.0, 0.0, 0.0]))
         assert -found.value == pytest.approx(np.arange(5, -1, -1) / chance, rel=close)
@@ -63,7 +53,7 @@ def test_moves_that_often_fail_take_the_geometric_mean_of_periods_per_cell():
 
 
 def test_a_detour_of_quick_moves_is_the_way_of_least_time_around_a_slow_one():
-    problem = problem_of(np.ones((2, 3)), [2])
+    problem = room(2, 3, 2, NO_FLOW)
     seconds = one_second(problem)
     seconds[1, Action.EAST] = 9.0
     found = least_time_policy(problem, outcomes_of(SURE), seconds)
@@ -77,7 +67,7 @@ def test_a_detour_of_quick_moves_is_the_way_of_least_time_around_a_slow_one():
 
 
 def test_waiting_is_no_way_even_where_it_is_learned_to_carry_the_robot_along():
-    problem = problem_of(np.ones((5, 1)), [4])
+    problem = room(5, 1, 4, NO_FLOW)
     carried = [0.0, 1.0, 0.0, 0.0, 0.0]  # north, where there is no flow
     found = least_time(problem, outcomes_of([0.9, 0.1, 0.0, 0.0, 0.0], carried))
     assert found.greedy[:4].tolist() == [Action.NORTH] * 4
@@ -88,7 +78,7 @@ def test_waiting_is_no_way_even_where_it_is_learned_to_carry_the_robot_along():
 def test_each_state_follows_a_learned_policy_that_arrives_or_takes_the_least_time(seed):
     rng = np.random.default_rng(seed)
     flow = rng.integers(0, 5, 12)
-    problem = problem_of(np.ones((3, 4)), [int(rng.integers(12))], np.where(flow == 0, -1, flow))
+    problem = room(3, 4, int(rng.integers(12)), np.where(flow == 0, -1, flow))
     outcomes = rng.dirichlet(np.full(5, 0.5), 4) + 1e-9
     outcomes /= outcomes.sum(axis=1, keepdims=True)
     weights = rng.normal(0.0, 3.0, len(problem.feature_names))

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from serd_core.arrival.chain import ArrivalByState, policy_chain, probability_of_ever_arriving
+from serd_core.dynamics.transition_model import Transitions
 from support.small_problems import room
 
 
@@ -15,7 +16,7 @@ def test_the_chain_of_a_policy_is_the_sum_over_its_actions():
     policy, table = rng.dirichlet(np.ones(5), 6), rng.dirichlet(np.ones(5), 4)
     policy[5] = np.eye(5)[0]
     transitions = problem.mdp.transitions
-    dense = transitions.matrix(transitions.entries(table)).toarray().reshape(6, 5, 6)
+    dense = Transitions(transitions, table).matrix.toarray().reshape(6, 5, 6)
     chain = policy_chain(problem.mdp, policy, table).toarray()
     np.testing.assert_allclose(chain, np.einsum("sa,sat->st", policy, dense))
 

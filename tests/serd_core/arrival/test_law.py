@@ -6,18 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom, gamma, ks_2samp
 
-from serd_core.arrival.law import (
-    ArrivalLaw,
-    clopper_pearson,
-    crps_s,
-    detectable_delay,
-    empirical_arrival_cdf,
-    gap_probability,
-    largest_gap,
-    sampling_band,
-    steps_within,
-)
-from serd_core.errors import SerdError
+import serd_core as sc
+from serd_core.arrival import law as laws
+from serd_core.arrival.law import ArrivalLaw, clopper_pearson, largest_gap, sampling_band
+from support.refusals import refusals
 
 
 def test_the_quantile_is_the_first_time_by_which_that_share_has_arrived():
@@ -47,7 +39,7 @@ def test_the_largest_gap_is_the_kolmogorov_smirnov_statistic(seed):
 def test_steps_within_a_time_are_the_fewest_that_last_as_long_up_to_rounding():
     asked = [(0.0, 2.0, 0), (4.0, 2.0, 2), (4.1, 2.0, 3), (0.3, 0.1, 3), (0.7, 0.1, 7)]
     for time_s, step_s, n_steps in asked:
-        assert steps_within(time_s, step_s) == n_steps
+        assert laws.steps_within(time_s, step_s) == n_steps
 
 
 def test_a_delayed_law_has_the_same_steps_later_and_nothing_before():
@@ -75,15 +67,15 @@ def test_the_largest_gap_counts_arrivals_up_to_the_last_step(times_s, cdf, measu
 
 
 def test_the_empirical_cdf_counts_time_outs_as_not_arrived():
-    measured = empirical_arrival_cdf([3.0, 1.0, 3.0, 99.0], [False, False, False, True], 10.0)
+    measured = laws.empirical_arrival_cdf([3.0, 1.0, 3.0, 99.0], [False, False, False, True], 10.0)
     np.testing.assert_allclose(measured.times_s, [0, 1, 3, 10])
     np.testing.assert_allclose(measured.cdf, [0, 0.25, 0.75, 0.75])
     for not_read in (None, np.nan, -1.0, 0.5):
-        measured = empirical_arrival_cdf([3.0, 1.0, 3.0, not_read], [False] * 3 + [True], 10.0)
+        measured = laws.empirical_arrival_cdf([3.0, 1.0, 3.0, not_read], [False] * 3 + [True], 10.0)
         np.testing.assert_allclose(measured.cdf, [0, 0.25, 0.75, 0.75])
     assert (measured.n_arrived, measured.n_episodes) == (3, 4)
     # One starts at the goal, one arrives at the horizon, one after it.
-    measured = empirical_arrival_cdf([0.0, 0.5, 4.0, 4.5], [False] * 4, 4.0, coverage=0.8)
+    measured = laws.empirical_arrival_cdf([0.0, 0.5, 4.0, 4.5], [False] * 4, 4.0, coverage=0.8)
     np.testing.assert_allclose(measured.cdf, [0.25, 0.5, 0.75])
     lower, upper = clopper_pearson([1, 2, 3], 4, coverage=0.8)
     np.testing.assert_allclose([measured.lower, measured.upper], [lower, upper])
@@ -116,9 +108,6 @@ def test_the_sampling_band_of_a_posterior_holds_counts_of_its_mixture_of_binomia
     assert np.all(covered >= 0.95)
     ends = [mixture[: round(60 * low) + 1, t].sum() for t, low in enumerate(lower)]
     assert np.all(np.array(ends) >= 0.025)
-    narrow = sampling_band(draws.mean(axis=0), n_episodes)
-    assert np.all(upper - lower >= narrow[1] - narrow[0])
-    assert upper[1] - lower[1] > 1.2 * (narrow[1] - narrow[0])[1]
 
 
 def test_the_sampling_band_has_the_quantiles_of_the_binomial_distribution():
@@ -132,12 +121,6 @@ def test_the_sampling_band_has_the_quantiles_of_the_binomial_distribution():
             np.testing.assert_allclose(upper * n_episodes, np.maximum(wanted[1], 0.0))
     # Of two episodes at 1/2 none arrives with probability 1/4, and at most one with 3/4.
     assert sampling_band(0.5, 2, coverage=0.5) == (0.0, 0.5)
-
-
-@pytest.mark.parametrize("times_s", [[], [np.nan], [-1.0]])
-def test_times_that_are_none_are_refused(times_s):
-    with pytest.raises(SerdError, match="times_s must hold at least one episode, and no NaN or ne"):
-        empirical_arrival_cdf(times_s, np.zeros(len(times_s), bool), 10.0)
 
 
 STEP_S = 0.1
@@ -155,14 +138,14 @@ def drawn(law, n, seed):
 
 def test_the_score_is_the_integral_of_the_squared_difference_of_both_functions():
     law = ArrivalLaw(np.array([0.0, 1.0, 10.0]), np.array([0.0, 0.4, 1.0]), 1.0)
-    assert crps_s(law, [5.0]) == pytest.approx(4 * 0.4**2 + 5 * 0.6**2)
-    assert crps_s(law, [0.5, np.inf]) == pytest.approx((0.5 + 9 * 0.6**2 + 9 * 0.4**2) / 2)
+    assert sc.crps_s(law, [5.0]) == pytest.approx(4 * 0.4**2 + 5 * 0.6**2)
+    assert sc.crps_s(law, [0.5, np.inf]) == pytest.approx((0.5 + 9 * 0.6**2 + 9 * 0.4**2) / 2)
 
 
 def test_probabilities_of_gaps_are_even_where_the_law_is_right_also_where_some_never_arrive():
     for arriving in (1.0, 0.7):
         law = gamma_law(arriving=arriving)
-        levels = [gap_probability(law, drawn(law, 15, seed)) for seed in range(200)]
+        levels = [sc.gap_probability(law, drawn(law, 15, seed)) for seed in range(200)]
         # Binomial, at 4 standard deviations.
         for level in (0.1, 0.5):
             spread = np.sqrt(level * (1 - level) / 200)
@@ -171,11 +154,13 @@ def test_probabilities_of_gaps_are_even_where_the_law_is_right_also_where_some_n
 
 def test_a_delay_that_is_detectable_is_detected_in_four_of_five_series():
     law, n = gamma_law(), 20
-    delay = detectable_delay(law, n)
+    delay = sc.detectable_delay(law, n)
     assert 1.02 < delay < 1.3
-    found = [gap_probability(law, delay * drawn(law, n, 100 + seed)) <= 0.05 for seed in range(200)]
+    found = [
+        sc.gap_probability(law, delay * drawn(law, n, 100 + seed)) <= 0.05 for seed in range(200)
+    ]
     assert abs(np.mean(found) - 0.8) < 0.15
-    assert detectable_delay(law, 200) < delay
+    assert sc.detectable_delay(law, 200) < delay
 
 
 def test_a_world_that_is_one_of_the_draws_of_a_posterior_is_not_called_wrong():
@@ -183,15 +168,21 @@ def test_a_world_that_is_one_of_the_draws_of_a_posterior_is_not_called_wrong():
     worlds = gamma_law(), gamma_law(mean_s=30.0)
     draws = np.stack([each.cdf for each in worlds])
     mean = ArrivalLaw(worlds[0].times_s, draws.mean(axis=0), 1.0, draws)
-    levels = [gap_probability(mean, drawn(worlds[seed % 2], 30, seed)) for seed in range(100)]
+    levels = [sc.gap_probability(mean, drawn(worlds[seed % 2], 30, seed)) for seed in range(100)]
     assert np.sum(np.array(levels) <= 0.05) <= binom.isf(1e-5, 100, 0.05)
     alone = ArrivalLaw(mean.times_s, mean.cdf, 1.0)
-    levels = [gap_probability(alone, drawn(worlds[seed % 2], 30, seed)) for seed in range(20)]
+    levels = [sc.gap_probability(alone, drawn(worlds[seed % 2], 30, seed)) for seed in range(20)]
     assert max(levels) < 0.01
 
 
-@pytest.mark.parametrize("score", [crps_s, gap_probability, largest_gap])
-@pytest.mark.parametrize("times_s", [[], [1.0, np.nan]])
-def test_series_without_a_time_are_refused(score, times_s):
-    with pytest.raises(SerdError, match="arrival_times_s must hold at least one time and no NaN"):
-        score(gamma_law(), times_s)
+def measured(times_s):
+    return lambda: laws.empirical_arrival_cdf(times_s, np.zeros(len(times_s), bool), 10.0)
+
+
+NO_TIME = "arrival_times_s must hold at least one time and no NaN"
+test_series_without_times_are_refused = refusals(
+    *((measured(each), "at least one episode, and no NaN or ne") for each in ([], [np.nan], [-1])),
+    (lambda: sc.crps_s(gamma_law(), []), NO_TIME),
+    (lambda: sc.gap_probability(gamma_law(), [1.0, np.nan]), NO_TIME),
+    (lambda: largest_gap(gamma_law(), []), NO_TIME),
+)

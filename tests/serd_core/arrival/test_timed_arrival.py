@@ -9,21 +9,21 @@ from hypothesis import strategies as st
 from scipy.stats import gamma, nbinom
 
 import serd_core as sc
-from serd_core import arrays
+from serd_core import checks
 from serd_core.arrival.chain import RenewalChain, dwell_steps, renewal_arrival, timed_arrival
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import with_dwell_times
 from support.arrival_twin import arrival_by_state
+from support.refusals import refusals
 from support.small_problems import always, room
 
 ONE_STEP = np.array([[0.0, 1.0]])
 
 
-def line(n_moves, dwell=None):
+def line(n_moves):
     """States 0 to n, each of which leads to the next one."""
     state, goal = np.arange(n_moves), np.arange(n_moves + 1) == n_moves
-    classes = np.zeros(n_moves, int) if dwell is None else np.asarray(dwell)
-    return RenewalChain(state, state + 1, np.ones(n_moves), classes, goal)
+    return RenewalChain(state, state + 1, np.ones(n_moves), np.zeros(n_moves, int), goal)
 
 
 def by_periods(problem, policy, table, n_steps):
@@ -142,22 +142,20 @@ WORLD = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0
 
 
 def test_a_table_that_would_not_fit_into_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(arrays, "memory_limit", lambda: 30_000)
+    monkeypatch.setattr(checks, "memory_limit", lambda: 30_000)
     with pytest.raises(sc.SerdError, match="within 100 steps from each of 12 states must fit into"):
         by_periods(PROBLEM, POLICY, TABLE, 100)
     assert by_periods(PROBLEM, POLICY, TABLE, 50).cdf.shape == (51, 12)
 
 
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        ({"policy": np.tile(np.eye(5)[1], (12, 1))}, r"policy\[\d+, 1\] must be a probability of"),
-        ({"parameters": np.zeros(3)}, r"parameters must have shape \(20\), got \(3,\)"),
-        ({"problem": WORLD}, "problem must have an mdp and goal_states, got a TabularProblem"),
-        ({"problem": SimpleNamespace(mdp=WORLD.mdp, goal_states=[9])}, r"goal_states\[0\] must be"),
-    ],
+def arrival(problem=PROBLEM, policy=POLICY, n_parameters=20):
+    return lambda: timed_arrival(problem, policy, np.zeros(n_parameters), 1.0, 3)
+
+
+ELSEWHERE = SimpleNamespace(mdp=WORLD.mdp, goal_states=[9])
+test_wrong_arguments_are_refused_by_name = refusals(
+    (arrival(policy=np.tile(np.eye(5)[1], (12, 1))), r"policy\[\d+, 1\] must be a probability of"),
+    (arrival(n_parameters=3), r"parameters must have shape \(20\), got \(3,\)"),
+    (arrival(WORLD), "problem must have an mdp and goal_states, got a TabularProblem"),
+    (arrival(ELSEWHERE), r"goal_states\[0\] must be"),
 )
-def test_wrong_arguments_are_refused_by_name(change, sentence):
-    given = {"problem": PROBLEM, "policy": POLICY, "step_s": 1.0, "n_steps": 3}
-    with pytest.raises(sc.SerdError, match=sentence):
-        timed_arrival(**{"parameters": np.zeros(20)} | given | change)

@@ -16,6 +16,7 @@ from serd_core.posterior.posterior import Posterior
 from support.small_problems import PROPER, apart, fit_of
 
 BY_EVIDENCE, REWARDS = sc.PriorByEvidence(), sc.GaussianPrior(2.0, sc.Block.REWARD)
+OF_BELIEF = sc.DirichletPrior(3.0, sc.Block.BELIEF)
 
 
 @pytest.fixture(scope="module")
@@ -154,11 +155,7 @@ def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
         (REWARDS, sc.TiedBelief(), "density over the block belief or truth too"),
         (sc.DirichletPrior(1.0), sc.TiedBelief(), "density over the block reward too, got none"),
         (PROPER + REWARDS, sc.TiedBelief(), "reward must have one prior, got 2"),
-        (
-            PROPER + sc.DirichletPrior(3.0, sc.Block.BELIEF),
-            sc.TiedBelief(),
-            "belief or truth must have one prior, got 2",
-        ),
+        (PROPER + OF_BELIEF, sc.TiedBelief(), "belief or truth must have one prior, got 2"),
         (PROPER, sc.FixedBelief(), "which FixedBelief does not learn; leave it out"),
     ],
 )
@@ -176,7 +173,7 @@ def test_a_direction_that_bends_up_is_named_and_points_on_the_way_are_rejected(
 ):
     """Between the two explanations of section 4.6.1 the posterior has a saddle."""
     decisions = apart(0, 0, [0, 1, 1] * 10)
-    observations = observe(minimum_example.mdp, decisions)
+    observations = observe(minimum_example, decisions)
     posterior = Posterior(minimum_example, observations, MdcePolicy(), PROPER)
     start = sc.fit_mdce_serd(minimum_example, decisions, prior=BY_EVIDENCE).parameters
     space = coordinates(minimum_example, sc.TiedBelief(), start)
@@ -189,22 +186,16 @@ def test_a_direction_that_bends_up_is_named_and_points_on_the_way_are_rejected(
 
 def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
     case = gridworld.problem, gridworld.decisions
-    for fit, given, options, sentence in (
-        (sc.fit_mdce_serd, case, {"belief": sc.CoupledBelief(1.0)}, "prior that is no density"),
-        (sc.fit_pm_serd, case, {}, "policy model with a temperature"),
-    ):
-        with pytest.raises(sc.SerdError, match=sentence):
-            fit(*given, **{"prior": BY_EVIDENCE} | options)
+    with pytest.raises(sc.SerdError, match="prior that is no density"):
+        sc.fit_mdce_serd(*case, prior=BY_EVIDENCE, belief=sc.CoupledBelief(1.0))
+    with pytest.raises(sc.SerdError, match="policy model with a temperature"):
+        sc.fit_pm_serd(*case, prior=BY_EVIDENCE)
 
 
 def test_a_callback_follows_and_stops_the_search(gridworld):
     steps = []
-    fit = sc.fit_mdce_serd(
-        gridworld.problem,
-        gridworld.decisions,
-        prior=BY_EVIDENCE,
-        on_step=lambda step: steps.append(step) or step.number == 5,
-    )
+    stop = {"on_step": lambda step: steps.append(step) or step.number == 5}
+    fit = sc.fit_mdce_serd(gridworld.problem, gridworld.decisions, prior=BY_EVIDENCE, **stop)
     assert [step.number for step in steps] == [1, 2, 3, 4, 5]
     assert all(len(step.vector) in (2, 47) for step in steps)
     assert not fit.converged

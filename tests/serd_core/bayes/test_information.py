@@ -6,7 +6,7 @@ import scipy.integrate
 import scipy.stats
 
 import serd_core as sc
-from support.small_problems import PROPER, apart, fit_of, one_choice, sampled
+from support.small_problems import PROPER, apart, fit_of, one_choice, room, sampled
 
 C = 0.7
 
@@ -98,18 +98,9 @@ def test_the_gain_of_one_decision_of_a_logistic_model_with_counted_outcomes():
 
 def test_states_that_end_an_episode_add_nothing():
     """A line of five cells, of which the last ends the episode."""
-    cells = np.arange(5)
-    successors = np.stack([np.maximum(cells - 1, 0), np.minimum(cells + 1, 4)], axis=1)
-    successors = np.stack([successors, successors[:, ::-1]], axis=2)
-    successors[4] = 4
-    available = np.ones((5, 2), bool)
-    available[4, 1] = False
-    mdp = sc.Mdp(sc.OutcomeModels(successors, np.zeros((5, 2), int), available, 1), 0.9)
-    goal = np.zeros((5, 2, 1))
-    goal[4] = 1.0
-    problem = sc.TabularProblem(mdp, goal, ("goal",))
-    policy = np.array([[0.2, 0.8]] * 4 + [[1.0, 0.0]])
-    decisions = sampled(problem, policy, np.array([[0.9, 0.1]]), 9, 30)
+    problem, table = room(1, 5, 4, discount=0.9), np.full((4, 5), 0.05) + 0.75 * np.eye(5)[[1] * 4]
+    policy = sc.soft_policy(problem, [1.0, 0.0, 0.0], table).probabilities
+    decisions = sampled(problem, policy, table, 9, 30)
     found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions))
     gain = sc.expected_information_gain(found)
     assert problem.mdp.final.tolist() == [False] * 4 + [True]

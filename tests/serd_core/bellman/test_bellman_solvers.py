@@ -12,10 +12,8 @@ from serd_core.bellman.bellman_solver import (
     SoftBellman,
     backup,
 )
-from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
-from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import TabularProblem, from_transitions
+from serd_core.mdp.problem import from_transitions
 from serd_core.policies.solved_policy import optimal_policy
 
 EQUATIONS = [SoftBellman(), HardBellman()]
@@ -32,21 +30,14 @@ def bellman(problem, probabilities, weights, equation):
 
 
 def one_state(rewards, discount):
-    n_actions = len(rewards)
-    models = OutcomeModels(
-        np.zeros((1, n_actions, 1), int),
-        np.zeros((1, n_actions), int),
-        np.ones((1, n_actions), bool),
-        1,
-    )
-    features = np.asarray(rewards, dtype=float)[None, :, None]
-    return TabularProblem(Mdp(models, discount), features, ("reward",))
+    features = np.array(rewards)[None, :, None]
+    return from_transitions(np.ones((1, len(rewards), 1)), features, discount=discount)
 
 
 def test_one_state_has_the_value_of_the_geometric_series():
     problem = one_state([1.0, 3.0], 0.9)
-    soft = Newton().solve(bellman(problem, np.ones((1, 1)), [1.0], SoftBellman()))
-    hard = Newton().solve(bellman(problem, np.ones((1, 1)), [1.0], HardBellman()))
+    soft = Newton().solve(bellman(problem, None, [1.0], SoftBellman()))
+    hard = Newton().solve(bellman(problem, None, [1.0], HardBellman()))
     assert soft.value[0] == pytest.approx(np.log(np.exp(1) + np.exp(3)) / 0.1, rel=1e-9)
     assert hard.value[0] == pytest.approx(30.0, rel=1e-9)
     np.testing.assert_allclose(soft.policy[0, 1], 1 / (1 + np.exp(-2)), rtol=1e-9)
@@ -75,7 +66,7 @@ def test_a_computed_residual_of_zero_certifies_no_exact_value():
     rewards = np.random.default_rng(0).uniform(-10.0, 10.0, 40)
     for reward in rewards:
         problem = one_state([reward], 0.9999)
-        posed = bellman(problem, np.ones((1, 1)), [1.0], HardBellman())
+        posed = bellman(problem, None, [1.0], HardBellman())
         solution = Newton().solve(posed)
         exact = Fraction(reward) / (1 - Fraction(0.9999))
         error = abs(Fraction(solution.value[0]) - exact)

@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import serd_core as sc
-from serd_core.bellman import linear_solvers
+from serd_core.bellman import bellman_solver, linear_solvers
 from serd_core.bellman.linear_solvers import BandedFactor, KrylovSystem, LuFactor, kind_of
+from serd_core.dynamics.transition_model import Transitions
 from serd_core.errors import SerdError
 from support import graphs
 
@@ -17,7 +18,7 @@ def random_system(random_problem, seed):
     policy = rng.random(mdp.available.shape) * mdp.available
     policy /= policy.sum(axis=1, keepdims=True)
     entries = mdp.transitions.entries(table)
-    chosen = mdp.transitions.matrix(entries).toarray().reshape(*mdp.available.shape, -1)
+    chosen = Transitions(mdp.transitions, table).matrix.toarray().reshape(*mdp.available.shape, -1)
     dense = np.eye(mdp.n_states) - 0.95 * np.einsum("sa,sat->st", policy, chosen)
     pattern = mdp.transitions.policy_pattern
     return pattern, pattern.system_data(policy, entries, 0.95), dense
@@ -45,14 +46,11 @@ def test_solutions_are_those_of_the_dense_solver(random_problem, kind, seed):
     right_side = np.random.default_rng(seed).normal(size=(len(dense), 3))
     system = kind(pattern, data)
     np.testing.assert_array_equal(system.solve(np.zeros(len(dense))), 0)
-    np.testing.assert_allclose(
-        system.solve(right_side), np.linalg.solve(dense, right_side), atol=1e-7
-    )
-    np.testing.assert_allclose(
-        system.solve(right_side[:, 0], transposed=True),
-        np.linalg.solve(dense.T, right_side[:, 0]),
-        atol=1e-7,
-    )
+    exact = np.linalg.solve(dense, right_side)
+    np.testing.assert_allclose(system.solve(right_side), exact, atol=1e-7)
+    exact = np.linalg.solve(dense.T, right_side[:, 0])
+    solved = system.solve(right_side[:, 0], transposed=True)
+    np.testing.assert_allclose(solved, exact, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", [KrylovSystem, BandedFactor])
@@ -60,7 +58,7 @@ def test_newton_reaches_its_accuracy_with_every_linear_solver(make_gridworld, ki
     case = make_gridworld(side=30, discount=0.99, n_episodes=1, n_steps=1)
     given, found = (case.problem, case.weights, case.probabilities), []
     for each in (LuFactor, kind):
-        monkeypatch.setattr(linear_solvers, "kind_of", lambda *_, each=each: each)
+        monkeypatch.setattr(bellman_solver, "kind_of", lambda *_, each=each: each)
         found.append(sc.soft_policy(*given))
     assert found[1].converged
     np.testing.assert_allclose(found[1].value, found[0].value, rtol=1e-10)
@@ -108,7 +106,5 @@ def test_a_factor_stands_by_where_krylov_does_not_get_there(make_gridworld, monk
     monkeypatch.setattr(linear_solvers, "MAX_RUNS", 1)
     helped, exact = KrylovSystem(pattern, data), LuFactor(pattern, data)
     for transposed in (False, True):
-        np.testing.assert_allclose(
-            helped.solve(right_side, transposed=transposed),
-            exact.solve(right_side, transposed=transposed),
-        )
+        solved = (each.solve(right_side, transposed=transposed) for each in (helped, exact))
+        np.testing.assert_allclose(*solved)

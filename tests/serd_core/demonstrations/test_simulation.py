@@ -5,9 +5,6 @@ import serd_core as sc
 from serd_core.demonstrations.decisions import Decisions, start_distribution, state_action_counts
 from serd_core.demonstrations.observations import observe
 from serd_core.demonstrations.simulation import feature_counts, trajectories_of
-from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.learners.maxent_irl import fit_maxent_irl
-from serd_core.mdp.mdp import Mdp
 from support.small_problems import sampled
 
 
@@ -25,7 +22,7 @@ def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_
     decisions = gridworld.decisions
     same = decisions.episode[1:] == decisions.episode[:-1]
     assert np.all(decisions.next_state[:-1][same] == decisions.state[1:][same])
-    observe(gridworld.problem.mdp, decisions)
+    observe(gridworld.problem, decisions)
     policy = np.array([[1.0, 0, 0], [0, 0, 1.0]])
     ended = sampled(minimum_example, policy, np.full((2, 2), 0.5), 50, 100)
     assert np.all(ended.state == 0)
@@ -33,12 +30,8 @@ def test_episodes_are_connected_and_end_where_nothing_leaves(gridworld, minimum_
 
 def test_an_expert_that_stays_but_still_chooses_goes_on_deciding():
     """One state that both actions keep: nothing leaves it, but the choice there is informative."""
-    mdp = Mdp(
-        OutcomeModels(np.zeros((1, 2, 1), int), np.zeros((1, 2), int), np.ones((1, 2), bool), 1),
-        0.9,
-    )
-    problem = sc.TabularProblem(mdp, np.ones((1, 2, 1)), ("constant",))
-    decisions = sampled(problem, np.array([[0.25, 0.75]]), np.ones((1, 1)), 400, 10)
+    problem = sc.from_transitions(np.ones((1, 2, 1)), np.ones((1, 2, 1)), discount=0.9)
+    decisions = sampled(problem, np.array([[0.25, 0.75]]), None, 400, 10)
     assert len(decisions) == 4000
     assert decisions.action.mean() == pytest.approx(0.75, abs=0.03)
 
@@ -84,21 +77,6 @@ def test_a_trajectory_begins_anew_after_missing_decisions(dropped):
     np.testing.assert_array_equal(tracks.episode, [5, 5])
     np.testing.assert_array_equal(tracks.step, [0, 1, *range(6 - dropped[-1] - 1)])
     np.testing.assert_allclose(start_distribution(decisions, 7)[tracks.start], 0.5)
-
-
-def test_a_dropped_decision_makes_no_impossible_trajectory_for_maximum_entropy(gridworld):
-    """Both pieces are samples of their own, so the fit is that of the pieces as episodes."""
-    decisions = gridworld.decisions
-    same = decisions.episode[1:] == decisions.episode[:-1]
-    inside = np.flatnonzero(same[1:] & same[:-1] & (decisions.state != decisions.next_state)[1:-1])
-    rest = decisions.select(np.arange(len(decisions)) != inside[5] + 1)
-    pieces = with_rows(rest, episode=trajectories_of(rest).of_decision)
-    assert len(trajectories_of(rest)) == len(decisions.episodes) + 1
-    fits = [
-        fit_maxent_irl(gridworld.problem, rows, initial_weights=np.zeros(2)).reward_weights
-        for rows in (rest, pieces)
-    ]
-    np.testing.assert_allclose(fits[0], fits[1], rtol=1e-6)
 
 
 def test_a_trajectory_goes_on_where_states_follow_whatever_the_times():

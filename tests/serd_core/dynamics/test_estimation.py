@@ -9,17 +9,9 @@ from hypothesis import strategies as st
 import serd_core as sc
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics import estimation
-from serd_core.dynamics.estimation import (
-    OutcomeCounts,
-    estimate_dynamics,
-    maximum_of,
-    most_likely_dynamics,
-)
-from serd_core.dynamics.outcome_models import OutcomeModels
-from serd_core.errors import SerdError
-from serd_core.mdp.mdp import Mdp
-from serd_core.mdp.problem import TabularProblem
-from support.small_problems import apart, room, sampled
+from serd_core.dynamics.estimation import OutcomeCounts, maximum_of, most_likely_dynamics
+from support.refusals import refusals
+from support.small_problems import apart, minimum_example_problem, room, sampled
 
 
 def decisions_of(rows):
@@ -28,23 +20,17 @@ def decisions_of(rows):
 
 def test_an_unobserved_action_keeps_the_uniform_prior(minimum_example):
     """The Dirichlet mean: one pseudo-observation of each outcome, or another number."""
-    estimate = estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]))
+    estimate = sc.estimate_dynamics(minimum_example, decisions_of([(0, 0, 1)]))
     np.testing.assert_allclose(estimate, [[1 / 3, 2 / 3], [0.5, 0.5]])
-    seen = observe(minimum_example.mdp, decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0), (0, 1, 1)]))
+    seen = observe(minimum_example, decisions_of([(0, 0, 1)] * 2 + [(0, 0, 0), (0, 1, 1)]))
     found = most_likely_dynamics(minimum_example.mdp.transitions, seen, 0.5)
     np.testing.assert_allclose(found.probabilities, [[1.5 / 4, 2.5 / 4], [0.5 / 2, 1.5 / 2]])
     assert (found.converged, found.steps) == (True, 1)
     assert found.error_bound < 1e-9
 
 
-TRUTH = np.array(
-    [
-        [0.1, 0.6, 0.1, 0.05, 0.15],
-        [0.3, 0.3, 0.1, 0.2, 0.1],
-        [0.1, 0.5, 0.2, 0.1, 0.1],
-        [0.7, 0.2, 0.05, 0.02, 0.03],
-    ]
-)
+TRUTH = np.array([[0.1, 0.6, 0.1, 0.05, 0.15], [0.3, 0.3, 0.1, 0.2, 0.1]] * 2)
+TRUTH[2:] = [0.1, 0.5, 0.2, 0.1, 0.1], [0.7, 0.2, 0.05, 0.02, 0.03]
 
 
 @settings(deadline=None, max_examples=20)
@@ -54,7 +40,7 @@ def test_the_estimate_is_a_stationary_point_of_its_objective(seed):
     problem = room(12, 1, 11)
     policy = problem.mdp.available / problem.mdp.available.sum(axis=1, keepdims=True)
     decisions = sampled(problem, policy, TRUTH, 3, 30, seed, np.eye(12)[0])
-    seen, model = observe(problem.mdp, decisions), problem.outcome_models
+    seen, model = observe(problem, decisions), problem.outcome_models
     found = most_likely_dynamics(model, seen, pseudo_count=0.5)
     assert found.converged
 
@@ -72,10 +58,10 @@ def test_the_estimate_is_a_stationary_point_of_its_objective(seed):
 
 def wall_heavy_problem():
     """One model of three outcomes: state 0 hides 0 from 1, state 1 hides 1 from 2."""
-    model = OutcomeModels(
+    model = sc.OutcomeModels(
         np.array([[[0, 0, 1]], [[0, 1, 1]]]), np.zeros((2, 1), int), np.ones((2, 1), bool), 1
     )
-    return TabularProblem(Mdp(model, 0.9), np.zeros((2, 1, 1)), ("nothing",))
+    return sc.TabularProblem(sc.Mdp(model, 0.9), np.zeros((2, 1, 1)), ("nothing",))
 
 
 def wall_heavy_decisions():
@@ -101,7 +87,7 @@ def test_three_telling_decisions_among_a_hundred_thousand_are_heard(pseudo_count
     root = scipy.optimize.root(slopes, [0.3, 0.2], options={"xtol": 1e-14})
     exact = np.append(root.x, 1.0 - root.x.sum())
     problem = wall_heavy_problem()
-    observations = observe(problem.mdp, wall_heavy_decisions())
+    observations = observe(problem, wall_heavy_decisions())
     found = most_likely_dynamics(problem.mdp.transitions, observations, pseudo_count)
     assert found.converged
     assert found.steps < 20
@@ -113,45 +99,37 @@ def test_an_estimate_that_cannot_be_certified_is_refused_with_a_way_out(monkeypa
     """Only the wall is observed, so that nothing but 1e-300 decides between what it hides."""
     problem, decisions = wall_heavy_problem(), wall_heavy_decisions()
     only_wall, model = decisions.select(np.arange(100_000)), problem.mdp.transitions
-    found = most_likely_dynamics(model, observe(problem.mdp, only_wall), 1e-300)
+    found = most_likely_dynamics(model, observe(problem, only_wall), 1e-300)
     assert (found.steps, found.error_bound, found.converged) == (0, np.inf, False)
-    with pytest.raises(SerdError, match="may be off by a share of inf; pass dynamics"):
-        estimate_dynamics(problem, only_wall, pseudo_count=1e-300)
+    with pytest.raises(sc.SerdError, match="may be off by a share of inf; pass dynamics"):
+        sc.estimate_dynamics(problem, only_wall, pseudo_count=1e-300)
     short = partial(most_likely_dynamics, max_steps=1)
-    found = short(model, observe(problem.mdp, decisions))
+    found = short(model, observe(problem, decisions))
     assert (found.steps, found.converged) == (1, False)
     monkeypatch.setattr(estimation, "most_likely_dynamics", short)
     for fewer, more in ((0.5, "10.0"), (4.0, "40.0")):
-        with pytest.raises(SerdError, match=rf"_dynamics\(problem, decisions, pseudo_count={more}"):
-            estimate_dynamics(problem, decisions, fewer)
+        with pytest.raises(
+            sc.SerdError, match=rf"_dynamics\(problem, decisions, pseudo_count={more}"
+        ):
+            sc.estimate_dynamics(problem, decisions, fewer)
 
 
-@pytest.mark.parametrize(
-    ("rows", "sentence"),
-    [
-        ([(0, 0, 1), (1, 2, 0)], r"decisions\[1\] reaches state 0 from state 1 by action 2"),
-        ([(1, 0, 1)], r"decisions\[0\] takes action 0 in state 1, where it is not available"),
-        ([(0, 0, 5)], r"decisions\[0\] reaches state 5 from state 0"),
-        ([(7, 0, 0)], r"state\[0\] must be below 2, got 7"),
-        ([], "decisions must hold at least one decision"),
-    ],
+KNOWN = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0.9)
+
+
+def estimated(*rows):
+    return lambda: sc.estimate_dynamics(minimum_example_problem(0.9), decisions_of(rows))
+
+
+test_decisions_that_the_problem_rules_out_are_named_and_known_transitions_need_none = refusals(
+    (estimated((0, 0, 1), (1, 2, 0)), r"decisions\[1\] reaches state 0 from state 1 by action 2"),
+    (estimated((1, 0, 1)), r"decisions\[0\] takes action 0 in state 1, where it is not available"),
+    (estimated((0, 0, 5)), r"decisions\[0\] reaches state 5 from state 0"),
+    (estimated((7, 0, 0)), r"state\[0\] must be below 2, got 7"),
+    (estimated(), "decisions must hold at least one decision"),
+    (lambda: sc.estimate_dynamics(KNOWN, apart(0, 0, [1])), "must be OutcomeModels here, got Sp"),
+    (lambda: sc.fit_mdce_serd(KNOWN, apart(0, 0, [1]), dynamics=[0.5]), "must be None"),
 )
-def test_decisions_that_the_problem_rules_out_are_named(minimum_example, rows, sentence):
-    with pytest.raises(SerdError, match=sentence):
-        estimate_dynamics(minimum_example, decisions_of(rows))
-
-
-def test_known_transitions_have_no_dynamics_to_estimate():
-    known = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0.9)
-    for call, sentence in (
-        (lambda: estimate_dynamics(known, apart(0, 0, [1])), "must be OutcomeModels here, got Sp"),
-        (
-            lambda: sc.fit_mdce_serd(known, apart(0, 0, [1]), dynamics=[0.5]),
-            "must be None",
-        ),
-    ):
-        with pytest.raises(SerdError, match=sentence):
-            call()
 
 
 #: Three outcomes, seen 30 times as 0 or 1, 12 times as 1 or 2, twice as 0 and 5 times as 2.

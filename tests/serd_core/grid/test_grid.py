@@ -2,12 +2,10 @@ import hashlib
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_core.errors import SerdError
 from serd_core.grid.grid import (
     DIRECTION_VECTORS,
     Action,
@@ -16,6 +14,7 @@ from serd_core.grid.grid import (
     direction_of_action,
     grid_wall_distance_m,
 )
+from support.refusals import refusals
 
 walkable_masks = arrays(np.bool_, st.tuples(st.integers(1, 6), st.integers(1, 6))).filter(
     lambda mask: bool(mask.any())
@@ -95,18 +94,12 @@ def test_a_direction_means_an_axis_at_most_45_degrees_away(angle, length):
 CELLS = np.ones((2, 2), bool)
 
 
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (lambda: Grid((0, 0), 0.0, CELLS), "cell_size_m must be finite and above 0, got 0.0"),
-        (lambda: Grid((0.0, np.inf), 1.0, CELLS), "origin_m must be two finite numbers"),
-        (lambda: Grid((0, 0), 1e300, CELLS), r"cell_size_m must be from 1e-30 to 1e.30 .* 1e.300"),
-        (lambda: Grid((0, -1e300), 1.0, CELLS), r"origin_m at most that, got 1 and \(0.0, -1e"),
-        (lambda: Grid((0, 0), 1.0, ~CELLS), "walkable must have at least one true cell, got none"),
-        (lambda: Grid((0, 0), 1.0, np.ones(3, bool)), r"walkable must have shape \(any, any\), go"),
-        (lambda: action_of_direction(math.nan, 0.0), r"send \(0, 0\) to wait"),
-    ],
+test_a_wrong_geometry_is_refused_by_name = refusals(
+    (lambda: Grid((0, 0), 0.0, CELLS), "cell_size_m must be finite and above 0, got 0.0"),
+    (lambda: Grid((0.0, np.inf), 1.0, CELLS), "origin_m must be two finite numbers"),
+    (lambda: Grid((0, 0), 1e300, CELLS), r"cell_size_m must be from 1e-30 to 1e.30 .* 1e.300"),
+    (lambda: Grid((0, -1e300), 1.0, CELLS), r"origin_m at most that, got 1 and \(0.0, -1e"),
+    (lambda: Grid((0, 0), 1.0, ~CELLS), "walkable must have at least one true cell, got none"),
+    (lambda: Grid((0, 0), 1.0, np.ones(3, bool)), r"walkable must have shape \(any, any\), go"),
+    (lambda: action_of_direction(math.nan, 0.0), r"send \(0, 0\) to wait"),
 )
-def test_a_wrong_geometry_is_refused_by_name(call, sentence):
-    with pytest.raises(SerdError, match=sentence):
-        call()

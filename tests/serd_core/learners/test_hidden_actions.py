@@ -61,14 +61,8 @@ def test_where_states_reveal_actions_the_optimum_is_that_of_shown_actions(fit, b
     prior = prior + SCALE if fit is sc.fit_pm_serd else prior
     some = np.arange(len(decisions)) % 2 == 0
     start = {"initial_weights": np.ones(2), "dynamics": dynamics}
-    shown, mixed, hidden = (
-        fit(problem, each, belief=belief, prior=prior, **start)
-        for each in (
-            decisions,
-            decisions.with_hidden_actions(some),
-            decisions.with_hidden_actions(),
-        )
-    )
+    seen = decisions, decisions.with_hidden_actions(some), decisions.with_hidden_actions()
+    shown, mixed, hidden = (fit(problem, d, belief=belief, prior=prior, **start) for d in seen)
     for other in (mixed, hidden):
         assert other.converged
         assert other.objective == pytest.approx(shown.objective, rel=1e-9)

@@ -5,7 +5,7 @@ import pytest
 
 import serd_core as sc
 from serd_core.demonstrations.simulation import feature_counts, trajectories_of
-from serd_core.dynamics.transition_model import transitions_of
+from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.learners.maxent_irl import TrajectoryModel
 from support.small_problems import sampled
 
@@ -17,7 +17,7 @@ def model_of(problem, table):
 def brute_force(problem, table, weights, start, length):
     """Naive twin: enumerate all trajectories; gives log Z and expected features."""
     mdp = problem.mdp
-    dense = mdp.transitions.matrix(mdp.transitions.entries(table)).toarray()
+    dense = Transitions(mdp.transitions, table).matrix.toarray()
     dense = dense.reshape(mdp.n_states, mdp.n_actions, mdp.n_states)
     total, features = 0.0, np.zeros(problem.features.shape[2])
     for actions in product(range(mdp.n_actions), repeat=length):

@@ -11,12 +11,6 @@ from support.small_problems import apart, fit_of, sampled
 SCALE = sc.GaussianPrior(0.1, sc.Block.POLICY, mean=1.0)
 
 
-def boltzmann_decisions(case, temperature, n_episodes, n_steps, seed=0):
-    policy = sc.boltzmann_policy(case.problem, case.weights, case.probabilities, temperature)
-    table = case.probabilities
-    return sampled(case.problem, policy.probabilities, table, n_episodes, n_steps, seed)
-
-
 def test_cloned_counts_are_smoothed_over_the_available_actions(minimum_example):
     decisions = apart(0, 0, [0, 0, 1])
     policy = sc.clone_behaviour(minimum_example, decisions, pseudo_count=0.5)
@@ -41,15 +35,11 @@ def test_the_loss_weighs_visited_states_and_has_the_gradient_of_differences():
 
 
 def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature(gridworld):
+    given = {"inverse_temperature": 0.5, "dynamics": gridworld.probabilities}
+    given |= {"fit": sc.fit_policy_matching, "ascent": sc.Lbfgs(gradient_tolerance=np.inf)}
+
     def started(weights):
-        return fit_of(
-            gridworld,
-            weights,
-            fit=sc.fit_policy_matching,
-            inverse_temperature=0.5,
-            dynamics=gridworld.probabilities,
-            ascent=sc.Lbfgs(gradient_tolerance=np.inf),
-        )
+        return fit_of(gridworld, weights, **given)
 
     start, step = np.array([1.0, 1.5]), 1e-5 * np.eye(2)
     sides = [(started(start + s).objective, started(start - s).objective) for s in step]
@@ -59,7 +49,8 @@ def test_the_gradient_by_the_weights_is_the_finite_difference_at_any_temperature
 
 def test_a_fit_that_ends_on_a_kink_is_certified(make_gridworld):
     case = make_gridworld(side=8, discount=0.99, n_episodes=1)
-    decisions = boltzmann_decisions(case, 2.0, 20, 30, 20)
+    policy = sc.boltzmann_policy(case.problem, case.weights, case.probabilities, 2.0)
+    decisions = sampled(case.problem, policy.probabilities, case.probabilities, 20, 30, 20)
     given = {"initial_weights": np.ones(2), "prior": SCALE + sc.DirichletPrior(1.0)}
     fit = sc.fit_pm_serd(case.problem, decisions, **given)
     assert fit.converged, fit.message

@@ -4,19 +4,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import serd_core as sc
-from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_at, transitions_of
-from serd_core.errors import SerdError
 from serd_core.learners.mdce_irl import state_action_occupancy
-from serd_core.mdp.mdp import Mdp, checked_distribution
-from serd_core.mdp.problem import TabularProblem
+from serd_core.mdp.mdp import checked_distribution
+from support.refusals import refusals
 
 ALL = [[True, True], [True, True]]
 
 
 def mdp_of(available, discount=0.9):
     tables = np.zeros((2, 2, 1), int), np.zeros((2, 2), int), np.array(available)
-    return Mdp(OutcomeModels(*tables, 1), discount)
+    return sc.Mdp(sc.OutcomeModels(*tables, 1), discount)
 
 
 def uniform(mdp):
@@ -30,33 +28,20 @@ def test_states_that_nothing_leaves_are_absorbing():
 def test_features_of_unavailable_actions_may_be_anything_and_count_nowhere():
     mdp = mdp_of([[True, True], [True, False]])
     features = np.array([[[1.0], [2.0]], [[3.0], [np.nan]]])
-    problem = TabularProblem(mdp, features, ("one",))
+    problem = sc.TabularProblem(mdp, features, ("one",))
     np.testing.assert_array_equal(problem.features[..., 0], [[1.0, 2.0], [3.0, 0.0]])
     features[0, 1] = np.nan
-    with pytest.raises(SerdError, match=r"features\[0, 1, 0\] must be finite, got nan"):
-        TabularProblem(mdp, features, ("one",))
+    with pytest.raises(sc.SerdError, match=r"features\[0, 1, 0\] must be finite, got nan"):
+        sc.TabularProblem(mdp, features, ("one",))
 
 
-THIRD = np.array([0.3333333, 0.3333333, 0.3333334])  # as tables of files are rounded
+def test_a_distribution_may_be_as_rounded_as_tables_of_files_are():
+    third = np.array([0.3333333, 0.3333333, 0.3333334])
+    np.testing.assert_array_equal(checked_distribution("starts", third, 3), third)
 
 
 def distribution(values):
     return checked_distribution("starts", np.array(values), 2)
-
-
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (lambda: mdp_of([[True, True], [False, False]]), "state 1 must have at least one avail"),
-        *[(lambda g=g: mdp_of(ALL, g), r"in \[0, 1\), got") for g in (-0.1, 1.0, np.nan, np.inf)],
-        (lambda: distribution([0.5, 0.6]), "starts must sum to 1, got a sum of 1.1; normalise it"),
-        (lambda: distribution([1.5, -0.5]), r"starts\[1\] must not be negative, got -0.5"),
-    ],
-)
-def test_what_is_no_process_and_no_distribution_is_refused_with_the_place(call, sentence):
-    with pytest.raises(SerdError, match=sentence):
-        call()
-    np.testing.assert_array_equal(checked_distribution("starts", THIRD, 3), THIRD)
 
 
 @settings(deadline=None, max_examples=30)
@@ -89,40 +74,34 @@ def test_the_feature_of_a_terminal_state_counts_once():
     assert problem.mdp.transitions.n_parameters == 0
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"transitions": np.ones((2, 1, 3))}, r"must have shape \(states, actions, states\)"),
-        ({"transitions": {"state": [0]}}, "transitions must be an array of numbers"),
-        ({"transitions": np.full((2, 1, 2), 0.4)}, "but the row sums to 0.8; normalise that row"),
-        ({"features": np.ones(3)}, r"features must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
-        ({"features": np.zeros((2, 0))}, "at least one feature, got none"),
-        ({"terminal": [2]}, r"terminal\[0\] must be a state from 0 to 1, got 2"),
-    ],
-)
-def test_wrong_tables_are_rejected_with_a_sentence(change, message):
+def from_tables(**change):
     given = {"transitions": np.full((2, 1, 2), 0.5), "features": np.ones((2, 1)), "discount": 0.9}
-    with pytest.raises(sc.SerdError, match=message):
-        sc.from_transitions(**given | change)
+    return lambda: sc.from_transitions(**given | change)
+
+
+def entries(*given):
+    return lambda: sc.fixed_transitions(*given)
 
 
 PLACES = [0, 1], [0, 0], [0, 0]
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        (((2, 1), *PLACES, [1, 0.5]), "state 1, action 0 .* sums to 0.5"),
-        (((2, 1), *PLACES, [1.0]), r"probability must have shape \(2\)"),
-        (((0, 1), [], [], [], []), "n_pairs must be at least one state"),
-        (((2, 1), [0], [0], [2], [1]), r"next_state\[0\] must be a next"),
-        ((2, *PLACES, np.ones(2)), r"n_pairs must have shape \(2\), got"),
-        (((2.5, 1), *PLACES, np.ones(2)), r"n_pairs\[0\] must be a whole"),
-    ],
+test_wrong_tables_and_distributions_are_rejected_with_the_place = refusals(
+    (lambda: mdp_of([[True, True], [False, False]]), "state 1 must have at least one avail"),
+    *[(lambda g=g: mdp_of(ALL, g), r"in \[0, 1\), got") for g in (-0.1, 1.0, np.nan, np.inf)],
+    (lambda: distribution([0.5, 0.6]), "starts must sum to 1, got a sum of 1.1; normalise it"),
+    (lambda: distribution([1.5, -0.5]), r"starts\[1\] must not be negative, got -0.5"),
+    (from_tables(transitions=np.ones((2, 1, 3))), r"have shape \(states, actions, states\)"),
+    (from_tables(transitions={"state": [0]}), "transitions must be an array of numbers"),
+    (from_tables(transitions=np.full((2, 1, 2), 0.4)), "row sums to 0.8; normalise that row"),
+    (from_tables(features=np.ones(3)), r"must have shape \(2, F\) or \(2, 1, F\), got \(3,\)"),
+    (from_tables(features=np.zeros((2, 0))), "at least one feature, got none"),
+    (from_tables(terminal=[2]), r"terminal\[0\] must be a state from 0 to 1, got 2"),
+    (entries((2, 1), *PLACES, [1, 0.5]), "state 1, action 0 .* sums to 0.5"),
+    (entries((2, 1), *PLACES, [1.0]), r"probability must have shape \(2\)"),
+    (entries((0, 1), [], [], [], []), "n_pairs must be at least one state"),
+    (entries((2, 1), [0], [0], [2], [1]), r"next_state\[0\] must be a next"),
+    (entries(2, *PLACES, np.ones(2)), r"n_pairs must have shape \(2\), got"),
+    (entries((2.5, 1), *PLACES, np.ones(2)), r"n_pairs\[0\] must be a whole"),
 )
-def test_wrong_entries_are_rejected_with_a_sentence(given, sentence):
-    with pytest.raises(sc.SerdError, match=sentence):
-        sc.fixed_transitions(*given)
 
 
 def test_entries_in_any_order_give_the_same_matrix():

@@ -5,21 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from serd_core.demonstrations.decisions import HIDDEN, Decisions
+import serd_core as sc
 from serd_core.demonstrations.observations import observe
-from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy
 from serd_core.posterior import hessian as module
-from serd_core.posterior.beliefs import CoupledBelief, FixedBelief, FreeBelief, TiedBelief
-from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import (
     Posterior,
     drawn_actions,
     expected_counts,
     require_possible,
 )
-from serd_core.priors.divergence import DirichletPrior, KldPrior
-from serd_core.priors.prior import GaussianPrior
 from support.random_posteriors import (
     assert_gradient_is_of_the_objective,
     assert_hessian_is_of_the_gradient,
@@ -28,12 +23,7 @@ from support.random_posteriors import (
     uniform_decisions,
 )
 
-BELIEFS = [
-    TiedBelief(),
-    FreeBelief(),
-    CoupledBelief(weight=0.7),
-    FixedBelief(),
-]
+BELIEFS = [sc.TiedBelief(), sc.FreeBelief(), sc.CoupledBelief(weight=0.7), sc.FixedBelief()]
 POLICIES = [MdcePolicy(), PolicyMatchingPolicy(start_temperature=1.7)]
 
 
@@ -45,9 +35,9 @@ def posterior_of(random_problem, seed, policy_model, belief, share_hidden):
     if not len(decisions):
         return None
     decisions = decisions.with_hidden_actions(rng.random(len(decisions)) < share_hidden)
-    prior = KldPrior(0.3, reference=table) + KldPrior(0.2, table, Block.BELIEF)
-    prior = prior + GaussianPrior(2.0, Block.REWARD) + DirichletPrior(0.3) + belief.prior
-    posterior = Posterior(problem, observe(problem.mdp, decisions), policy_model, prior)
+    prior = sc.KldPrior(0.3, reference=table) + sc.KldPrior(0.2, table, sc.Block.BELIEF)
+    prior = prior + sc.GaussianPrior(2.0, sc.Block.REWARD) + sc.DirichletPrior(0.3) + belief.prior
+    posterior = Posterior(problem, observe(problem, decisions), policy_model, prior)
     like = random_parameters(problem, policy_model, rng)
     return posterior, belief.unpack(belief.pack(like), like), decisions
 
@@ -82,21 +72,16 @@ def test_the_likelihood_is_the_sum_over_actions_of_each_decision(
     random_problem, policy_model, share_hidden
 ):
     """Naive twin: walk through the decisions one by one."""
-    made = posterior_of(random_problem, 5, policy_model, FreeBelief(), share_hidden)
+    made = posterior_of(random_problem, 5, policy_model, sc.FreeBelief(), share_hidden)
     posterior, parameters, decisions = made
     found, model = posterior.evaluate(parameters), posterior.problem.mdp.transitions
     policy = np.exp(policy_model.log_probabilities(parameters.policy, found.solution.q))
     table, by_policy, by_move, hidden = model.local_probabilities(parameters.truth), 0.0, 0.0, 0.0
-    for s, a, following in zip(
-        decisions.state, decisions.action, decisions.next_state, strict=True
-    ):
-        moves = np.array(
-            [
-                table[model.model_of[s, each]][model.successors[s, each] == following].sum()
-                for each in range(model.n_actions)
-            ]
-        )
-        if a == HIDDEN:
+    columns = decisions.state, decisions.action, decisions.next_state
+    for s, a, following in zip(*columns, strict=True):
+        leads = model.successors[s] == following
+        moves = np.sum(table[model.model_of[s]] * leads, axis=1)
+        if a == sc.HIDDEN:
             hidden += np.log(policy[s] @ moves)
         else:
             by_policy, by_move = by_policy + np.log(policy[s, a]), by_move + np.log(moves[a])
@@ -109,17 +94,17 @@ def test_the_likelihood_is_the_sum_over_actions_of_each_decision(
 
 
 def test_dynamics_that_do_not_explain_a_move_are_rejected(minimum_example):
-    observations = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [HIDDEN], [1]))
+    observations = observe(minimum_example, sc.Decisions([0], [0.0], [0], [sc.HIDDEN], [1]))
     require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
-    shown = observe(minimum_example.mdp, Decisions([0], [0.0], [0], [0], [1]))
-    with pytest.raises(SerdError, match="from state 0 by action 0 to state 1"):
+    shown = observe(minimum_example, sc.Decisions([0], [0.0], [0], [0], [1]))
+    with pytest.raises(sc.SerdError, match="from state 0 by action 0 to state 1"):
         require_possible(shown, minimum_example.mdp, np.array([[1.0, 0.0], [0.5, 0.5]]))
-    with pytest.raises(SerdError, match="from state 0 by any action to state 1"):
+    with pytest.raises(sc.SerdError, match="from state 0 by any action to state 1"):
         require_possible(observations, minimum_example.mdp, np.array([[1.0, 0.0], [1.0, 0.0]]))
 
 
 def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
-    posterior, parameters, _ = posterior_of(random_problem, 3, MdcePolicy(), TiedBelief(), 0.5)
+    posterior, parameters, _ = posterior_of(random_problem, 3, MdcePolicy(), sc.TiedBelief(), 0.5)
     seen = posterior.observations
     _, true, _, log_policy = posterior.solved(parameters)
     expected = expected_counts(seen, log_policy, true).observations
@@ -134,11 +119,11 @@ def test_drawn_actions_are_those_that_are_expected_on_average(random_problem):
 def test_chunks_of_states_and_blocks_that_are_left_out_change_nothing(random_problem, monkeypatch):
     problem, table = random_problem(3)
     rng = np.random.default_rng(3)
-    observations = observe(problem.mdp, uniform_decisions(problem, table, rng))
-    prior = KldPrior(0.3, reference=table) + GaussianPrior(2.0, Block.REWARD)
+    observations = observe(problem, uniform_decisions(problem, table, rng))
+    prior = sc.KldPrior(0.3, reference=table) + sc.GaussianPrior(2.0, sc.Block.REWARD)
     posterior = Posterior(problem, observations, MdcePolicy(), prior)
     parameters = random_parameters(problem, MdcePolicy(), rng)
-    found, reward = posterior.evaluate(parameters), parameters.place(Block.REWARD)
+    found, reward = posterior.evaluate(parameters), parameters.place(sc.Block.REWARD)
     whole = module.posterior_hessian(posterior, parameters, found)
     alone = module.posterior_hessian(posterior, parameters, found, learns_dynamics=False)
     np.testing.assert_allclose(alone[reward, reward], whole[reward, reward], rtol=1e-12)

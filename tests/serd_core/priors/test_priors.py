@@ -92,17 +92,9 @@ def test_coupling_is_the_sum_of_divergences():
     ("prior", "model", "sentence"),
     [
         (GaussianPrior((1.0, 2.0, 3.0), Block.REWARD), MODEL, "one number or 2, one per parameter"),
-        (
-            KldPrior(1.0, REFERENCE, Block.TRUTH, np.ones(3)),
-            MODEL,
-            r"must have shape \(2, 1\)",
-        ),
+        (KldPrior(1.0, REFERENCE, Block.TRUTH, np.ones(3)), MODEL, r"must have shape \(2, 1\)"),
         (KldPrior(1.0, np.full((1, 3), 0.5)), MODEL, r"state 0, action 0 .* the row sums to 1.5"),
-        (
-            KldPrior(1.0, REFERENCE, Block.TRUTH, PAIRS - 1.0),
-            MODEL,
-            r"\[1, 0\] must not be neg",
-        ),
+        (KldPrior(1.0, REFERENCE, Block.TRUTH, PAIRS - 1.0), MODEL, r"\[1, 0\] must not be neg"),
         (DirichletPrior(1.0), None, "^DirichletPrior is a prior of OutcomeModels, got NoneType"),
     ],
 )

@@ -47,14 +47,9 @@ def test_a_prior_weight_is_selected_on_the_validation_set(make_gridworld):
     assert len(validation.episodes) == 4
     assert not set(training.episodes) & set(validation.episodes)
     assert len(training) + len(validation) == len(case.decisions)
+    quick = {"initial_weights": np.zeros(2), "ascent": sc.Lbfgs(gradient_tolerance=1e-4)}
     selection = select_weight(
-        lambda weight: sc.fit_mdce_serd(
-            case.problem,
-            training,
-            initial_weights=np.zeros(2),
-            prior=sc.KldPrior(weight),
-            ascent=sc.Lbfgs(gradient_tolerance=1e-4),
-        ),
+        lambda w: sc.fit_mdce_serd(case.problem, training, prior=sc.KldPrior(w), **quick),
         lambda fit: sc.validation_log_likelihood(case.problem, validation, fit),
         [1.0, 1e-3, 30.0],
     )

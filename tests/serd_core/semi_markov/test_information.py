@@ -15,17 +15,7 @@ from serd_core.posterior.posterior import Posterior
 from serd_core.priors.prior import UniformPrior
 from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.gamma_law import fisher_information, log_density
-from tests.support.semi_markov import (
-    AGAINST,
-    CASES,
-    GOAL,
-    OUTCOMES,
-    PLACES,
-    WITH,
-    demonstrations,
-    ring,
-    timed_ring,
-)
+from tests.support import semi_markov as rings
 from tests.support.small_problems import PROPER
 
 PRIOR = PROPER + DwellPrior(1.0)
@@ -33,9 +23,9 @@ PRIOR = PROPER + DwellPrior(1.0)
 
 @pytest.fixture(scope="module")
 def learned():
-    timed, truth = timed_ring()
+    timed, truth = rings.timed_ring()
     rng = np.random.default_rng(11)
-    decisions = demonstrations(timed, truth, rng, n_episodes=30, starts=np.arange(4, 8))
+    decisions = rings.demonstrations(timed, truth, rng, n_episodes=30, starts=np.arange(4, 8))
     fit = sc.fit_mdce_serd(timed, decisions, initial_weights=np.ones(2), prior=PRIOR)
     return timed, decisions, fit, sc.laplace(timed, decisions, fit)
 
@@ -47,9 +37,9 @@ def known(learned):
 
 def test_dwell_times_inform_by_the_divergence_of_a_law_by_quadrature():
     """One law of all moves, which choices say nothing about: rewards weigh nothing."""
-    timed = sc.semi_markov_problem(ring(), law_of=np.zeros((3, 3), dtype=np.int64))
-    truth = timed.mdp.transitions.parameters_from(OUTCOMES, 1.6, 5.0)
-    decisions = demonstrations(timed, truth, np.random.default_rng(5), until_command_s=1e6)
+    timed = sc.semi_markov_problem(rings.ring(), law_of=np.zeros((3, 3), dtype=np.int64))
+    truth = timed.mdp.transitions.parameters_from(rings.OUTCOMES, 1.6, 5.0)
+    decisions = rings.demonstrations(timed, truth, np.random.default_rng(5), until_command_s=1e6)
     decisions = decisions.select(np.arange(25))
     prior = sc.GaussianPrior(1e-4, sc.Block.REWARD) + sc.DirichletPrior(0.7) + DwellPrior(1.0)
     fit = sc.fit_mdce_serd(timed, decisions, initial_weights=np.zeros(2), prior=prior)
@@ -80,20 +70,22 @@ def test_dwell_times_inform_by_the_divergence_of_a_law_by_quadrature():
 def test_of_an_avoided_move_choices_inform_and_its_own_dwell_times_cannot(learned, known):
     timed, decisions, _, found = learned
     laws = sc.dwell_summary(found, known.draws)
-    assert laws.n_chosen[AGAINST] == laws.n_dwells[AGAINST] == 0
-    assert laws.from_dwells[AGAINST] == pytest.approx(0.0, abs=1e-12)
-    assert laws.from_choices[AGAINST] > 0.2
-    assert laws.source(AGAINST) == "choices"
-    assert laws.source(WITH) == "dwell times"
+    assert laws.n_chosen[rings.AGAINST] == laws.n_dwells[rings.AGAINST] == 0
+    assert laws.from_dwells[rings.AGAINST] == pytest.approx(0.0, abs=1e-12)
+    assert laws.from_choices[rings.AGAINST] > 0.2
+    assert laws.source(rings.AGAINST) == "choices"
+    assert laws.source(rings.WITH) == "dwell times"
     np.testing.assert_array_equal(laws.n_dwells, np.bincount(decisions.action, minlength=3))
     # Slow and unlikely moves are avoided alike.
-    assert laws.mean_interval_s[0, AGAINST] < 3.0 < laws.mean_interval_s[2, AGAINST]
-    log_mean = known.draws.truth[:, timed.mdp.transitions.means][:, AGAINST]
-    forward = timed.mdp.transitions.moves.local_probabilities(known.draws.truth)[:, AGAINST, 0]
+    assert laws.mean_interval_s[0, rings.AGAINST] < 3.0 < laws.mean_interval_s[2, rings.AGAINST]
+    log_mean = known.draws.truth[:, timed.mdp.transitions.means][:, rings.AGAINST]
+    forward = timed.mdp.transitions.moves.local_probabilities(known.draws.truth)[
+        :, rings.AGAINST, 0
+    ]
     expected = np.quantile(log_mean - np.log(forward), [0.05, 0.5, 0.95])
-    np.testing.assert_allclose(laws.log_mean_over_probability[:, AGAINST, 0], expected)
+    np.testing.assert_allclose(laws.log_mean_over_probability[:, rings.AGAINST, 0], expected)
     expected = np.corrcoef(known.draws.reward[:, 1], log_mean)[0, 1]
-    assert laws.weight_correlation[1, AGAINST] == pytest.approx(expected)
+    assert laws.weight_correlation[1, rings.AGAINST] == pytest.approx(expected)
 
 
 def test_the_information_of_a_gamma_law_is_the_expected_curvature():
@@ -113,42 +105,36 @@ def test_the_information_of_a_gamma_law_is_the_expected_curvature():
     assert expected("mean_shape") == pytest.approx(0.0, abs=1e-7)
 
 
-@pytest.mark.parametrize("laws", ["and patience"])
-def test_the_gain_is_that_of_the_scores_of_sampled_demonstrations(laws):
+def test_the_gain_is_that_of_the_scores_of_sampled_demonstrations():
     """A naive twin, with the scores of choices, moves and dwell times."""
-    timed, truth = timed_ring(laws)
-    decisions = demonstrations(timed, truth, np.random.default_rng(3), until_command_s=1e6)
+    timed, truth = rings.timed_ring("and patience")
+    decisions = rings.demonstrations(timed, truth, np.random.default_rng(3), until_command_s=1e6)
     fit = sc.fit_mdce_serd(timed, decisions)
     found = sc.laplace(timed, decisions, fit)
     start, length, n_episodes = 9, 5, 2000
     table = timed.mdp.transitions.local_probabilities(fit.parameters.truth)
-    drawn = sc.sample_timed_decisions(
-        timed.mdp,
-        sc.soft_policy(timed, fit.reward_weights, table).probabilities,
-        fit.parameters.truth,
-        np.eye(PLACES)[start],
-        n_episodes=n_episodes,
-        n_steps=length,
-        rng=np.random.default_rng(4),
-    )
+    policy = sc.soft_policy(timed, fit.reward_weights, table).probabilities
+    size = {"n_episodes": n_episodes, "n_steps": length, "rng": np.random.default_rng(4)}
+    at, starts = fit.parameters.truth, np.eye(rings.PLACES)[start]
+    drawn = sc.sample_timed_decisions(timed.mdp, policy, at, starts, **size)
     outer = sc.fit_information(timed, drawn, fit).outer_product / n_episodes
     root = found.coordinates.table @ found.root
     added = root.T @ outer @ root
     expected = 0.5 * np.linalg.slogdet(np.eye(len(added)) + added)[1]
     gain = sc.expected_information_gain(found, longest=length)
     assert gain[start] == pytest.approx(expected, rel=0.05)
-    assert gain[GOAL] == 0.0
+    assert gain[rings.GOAL] == 0.0
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(scope="module", params=rings.CASES)
 def fitted(request):
     laws, paced = request.param
     rng = np.random.default_rng(7)
-    timed, truth = timed_ring(laws, rng.normal(0.0, 0.3, PLACES) if paced else None)
-    decisions = demonstrations(timed, truth, rng, n_episodes=6)
+    timed, truth = rings.timed_ring(laws, rng.normal(0.0, 0.3, rings.PLACES) if paced else None)
+    decisions = rings.demonstrations(timed, truth, rng, n_episodes=6)
     hidden = np.arange(len(decisions)) % 7 == 3
     decisions = replace(decisions, action=np.where(hidden, -1, decisions.action))
-    start = timed.mdp.transitions.parameters_from(OUTCOMES, 1.3, 3.0)
+    start = timed.mdp.transitions.parameters_from(rings.OUTCOMES, 1.3, 3.0)
     return timed, decisions, sc.fit_mdce_serd(timed, decisions, dynamics=start)
 
 
@@ -157,7 +143,7 @@ def test_the_outer_product_is_that_of_the_gradients_of_single_decisions(fitted):
     assert decisions.censored[~decisions.hidden].any()
     total = 0.0
     for place in range(len(decisions)):
-        one = observe(timed.mdp, decisions.select([place]))
+        one = observe(timed, decisions.select([place]))
         at = Posterior(timed, one, MdcePolicy(), UniformPrior()).evaluate(fit.parameters)
         score = sc.TiedBelief().pull_back(at.gradient, fit.parameters)
         total = total + np.outer(score, score)
@@ -179,4 +165,6 @@ def test_a_fit_of_rewards_alone_knows_nothing_of_dwell_times(learned):
     with pytest.raises(sc.SerdError, match="must have learned outcome models, got one of rewards"):
         sc.dwell_summary(found, draws)
     with pytest.raises(sc.SerdError, match="problem must have dwell times, got transitions of"):
-        sc.dwell_summary(replace(found, posterior=replace(found.posterior, problem=ring())), draws)
+        sc.dwell_summary(
+            replace(found, posterior=replace(found.posterior, problem=rings.ring())), draws
+        )

@@ -4,18 +4,8 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from tests.support.semi_markov import (
-    AGAINST,
-    CASES,
-    GOAL,
-    OUTCOMES,
-    PLACES,
-    WAIT,
-    WEIGHTS,
-    demonstrations,
-    ring,
-    timed_ring,
-)
+from support.refusals import refusals
+from tests.support import semi_markov as rings
 
 
 def differences(function, at, width=1e-4):
@@ -27,11 +17,11 @@ def differences(function, at, width=1e-4):
     return np.array(columns)
 
 
-@pytest.mark.parametrize(("laws", "paced"), CASES)
+@pytest.mark.parametrize(("laws", "paced"), rings.CASES)
 def test_derivatives_of_the_table_are_those_of_differences(laws, paced):
     rng = np.random.default_rng(3)
-    pace = rng.normal(0.0, 0.4, PLACES) if paced else None
-    timed, theta = timed_ring(laws, pace)
+    pace = rng.normal(0.0, 0.4, rings.PLACES) if paced else None
+    timed, theta = rings.timed_ring(laws, pace)
     model = timed.mdp.transitions
     slope = rng.normal(size=model.local_probabilities(theta).shape)
     jacobian = differences(lambda at: model.local_probabilities(at).ravel(), theta).T
@@ -43,18 +33,18 @@ def test_derivatives_of_the_table_are_those_of_differences(laws, paced):
 
 
 def test_laws_of_rows_have_given_durations_where_nothing_moves_and_means_at_their_pace():
-    pace = np.linspace(-0.5, 0.5, PLACES)
-    timed, truth = timed_ring("and patience", pace)
+    pace = np.linspace(-0.5, 0.5, rings.PLACES)
+    timed, truth = rings.timed_ring("and patience", pace)
     model = timed.mdp.transitions
     laws = model.laws(np.stack([truth, truth]))
     assert laws.mean_s.shape == (2, model.n_models, 3)
-    of_against = (x[1, model.model_of[7, AGAINST]] for x in laws)
+    of_against = (x[1, model.model_of[7, rings.AGAINST]] for x in laws)
     probability, mean_s, shape = of_against
-    np.testing.assert_allclose(probability, OUTCOMES[AGAINST])
+    np.testing.assert_allclose(probability, rings.OUTCOMES[rings.AGAINST])
     np.testing.assert_allclose(mean_s, [3.0 * np.exp(pace[7]), 4.0, 4.0 * np.exp(pace[7])])
     np.testing.assert_allclose(shape, [5.0, np.inf, 5.0])
-    np.testing.assert_allclose(laws.mean_s[0, model.model_of[3, WAIT]][:2], 1.5)
-    np.testing.assert_allclose(laws.mean_s[0, model.model_of[GOAL, WAIT]], 1.0)
+    np.testing.assert_allclose(laws.mean_s[0, model.model_of[3, rings.WAIT]][:2], 1.5)
+    np.testing.assert_allclose(laws.mean_s[0, model.model_of[rings.GOAL, rings.WAIT]], 1.0)
     kernel = timed.mdp.discount * model.local_probabilities(truth)
     means = laws.mean_s[0]
     given = np.isinf(laws.shape[0])
@@ -64,15 +54,15 @@ def test_laws_of_rows_have_given_durations_where_nothing_moves_and_means_at_thei
 
 
 def test_dwell_times_that_are_all_equal_have_a_law_of_their_mean():
-    timed, truth = timed_ring()
-    drawn = demonstrations(timed, truth, np.random.default_rng(3), until_command_s=np.inf)
+    timed, truth = rings.timed_ring()
+    drawn = rings.demonstrations(timed, truth, np.random.default_rng(3), until_command_s=np.inf)
     equal = replace(drawn, dwell_s=np.full(len(drawn), 0.2))
     theta = sc.estimate_dynamics(timed, equal)
     assert np.exp(theta[timed.mdp.transitions.means])[0] == pytest.approx(0.2, rel=1e-3)
     assert sc.fit_mdce_serd(timed, equal).converged
 
 
-TIMED, TRUTH = timed_ring()
+TIMED, TRUTH = rings.timed_ring()
 MODEL = TIMED.mdp.transitions
 CHANCE = sc.Mdp(sc.fixed_transitions((2, 1), [0, 1], [0, 0], [1, 1], [1.0, 1.0]), 0.9)
 SPARSE = sc.TabularProblem(CHANCE, np.zeros((2, 1, 1)), ("none",))
@@ -80,19 +70,22 @@ TOO_MUCH = np.full(MODEL.local_probabilities(TRUTH).shape, 0.4)
 MIXED, GAP = [[0, 0, -1], [1, 1, 1], [2, 2, 2]], [[0, 0, 0], [2, 2, 2], [2, 2, 2]]
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sc.semi_markov_problem(ring(), law_of=MIXED), "all outcomes of a model"),
-        (lambda: sc.semi_markov_problem(ring(), law_of=GAP), r"got \[0, 2\]; close gaps"),
-        (lambda: sc.semi_markov_problem(ring(), stay_s=[1, -1, 0]), r"stay_s\[1\] must not be neg"),
-        (lambda: sc.semi_markov_problem(ring(), log_pace=np.zeros(3)), "log_pace must have shape"),
-        (lambda: sc.semi_markov_problem(SPARSE), "OutcomeModels"),
-        (lambda: sc.Mdp(MODEL, 0.9), "discount of the Mdp must be that of its dwell times"),
-        (lambda: sc.soft_policy(TIMED, WEIGHTS, TOO_MUCH), "row 0 must not be negative and sum to"),
-        (lambda: MODEL.parameters_from(OUTCOMES, [1, 0, 1], 2.0), r"mean_s\[1\] must be above 0"),
-    ],
+test_laws_that_do_not_fit_are_rejected = refusals(
+    (lambda: sc.semi_markov_problem(rings.ring(), law_of=MIXED), "all outcomes of a model"),
+    (lambda: sc.semi_markov_problem(rings.ring(), law_of=GAP), r"got \[0, 2\]; close gaps"),
+    (
+        lambda: sc.semi_markov_problem(rings.ring(), stay_s=[1, -1, 0]),
+        r"stay_s\[1\] must not be neg",
+    ),
+    (
+        lambda: sc.semi_markov_problem(rings.ring(), log_pace=np.zeros(3)),
+        "log_pace must have shape",
+    ),
+    (lambda: sc.semi_markov_problem(SPARSE), "OutcomeModels"),
+    (lambda: sc.Mdp(MODEL, 0.9), "discount of the Mdp must be that of its dwell times"),
+    (
+        lambda: sc.soft_policy(TIMED, rings.WEIGHTS, TOO_MUCH),
+        "row 0 must not be negative and sum to",
+    ),
+    (lambda: MODEL.parameters_from(rings.OUTCOMES, [1, 0, 1], 2.0), r"mean_s\[1\] must be above 0"),
 )
-def test_laws_that_do_not_fit_are_rejected(call, message):
-    with pytest.raises(sc.SerdError, match=message):
-        call()

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import serd_core as sc
+from support.refusals import refusals
 from tests.support.semi_markov import PLACES, demonstrations, ring, timed_ring
 
 
@@ -39,15 +40,9 @@ PACED = sc.semi_markov_problem(TIMED, log_pace=np.ones(PLACES))
 TWO = DECISIONS.select_episodes(DECISIONS.episodes[:2])
 
 
-@pytest.mark.parametrize(
-    ("call", "sentence"),
-    [
-        (lambda: sc.fit_places(PACED, DECISIONS, TRUTH), "problem must have no log_pace yet"),
-        (lambda: sc.compare_places(PACED, DECISIONS), "problem must have no log_pace yet"),
-        (lambda: sc.compare_places(TIMED, TWO), "must hold at least 3 episodes"),
-        (lambda: sc.fit_places(ring(), TWO, TRUTH), "problem must have dwell times, got transitio"),
-    ],
+test_problems_without_laws_or_with_places_are_refused = refusals(
+    (lambda: sc.fit_places(PACED, DECISIONS, TRUTH), "problem must have no log_pace yet"),
+    (lambda: sc.compare_places(PACED, DECISIONS), "problem must have no log_pace yet"),
+    (lambda: sc.compare_places(TIMED, TWO), "must hold at least 3 episodes"),
+    (lambda: sc.fit_places(ring(), TWO, TRUTH), "problem must have dwell times, got transitio"),
 )
-def test_problems_without_laws_or_with_places_are_refused(call, sentence):
-    with pytest.raises(sc.SerdError, match=sentence):
-        call()

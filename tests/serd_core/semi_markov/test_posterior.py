@@ -14,33 +14,25 @@ from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.posterior import Posterior
 from tests.serd_core.semi_markov.test_models import differences
-from tests.support.semi_markov import (
-    CASES,
-    OUTCOMES,
-    PLACES,
-    WEIGHTS,
-    demonstrations,
-    ring,
-    timed_ring,
-)
+from tests.support import semi_markov as rings
 
 BELIEFS = [sc.TiedBelief(), sc.FreeBelief(), sc.FixedBelief()]
 
 
 def drawn(laws, paced):
     rng = np.random.default_rng(7)
-    timed, truth = timed_ring(laws, rng.normal(0.0, 0.3, PLACES) if paced else None)
-    return timed, truth, demonstrations(timed, truth, rng, n_episodes=6)
+    timed, truth = rings.timed_ring(laws, rng.normal(0.0, 0.3, rings.PLACES) if paced else None)
+    return timed, truth, rings.demonstrations(timed, truth, rng, n_episodes=6)
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(scope="module", params=rings.CASES)
 def seen(request):
     return drawn(*request.param)
 
 
 def test_the_likelihood_of_dwell_times_has_the_derivatives_of_differences(seen):
     timed, truth, decisions = seen
-    dwells = observe(timed.mdp, decisions).dwells
+    dwells = observe(timed, decisions).dwells
     assert 0.05 < dwells.censored.mean() < 0.95
     assert np.array_equal(dwells.censored, decisions.censored[dwells.row])
     at = truth + np.random.default_rng(8).normal(0.0, 0.3, len(truth))
@@ -55,11 +47,9 @@ def test_the_likelihood_of_dwell_times_has_the_derivatives_of_differences(seen):
 
 def test_the_likelihood_of_dwell_times_is_that_of_a_sum_over_outcomes(seen):
     timed, truth, decisions = seen
-    model, dwells = timed.mdp.transitions, observe(timed.mdp, decisions).dwells
-    laws, by_decision = (
-        model.laws(truth),
-        dict(zip(dwells.row.tolist(), dwells.by_decision(truth), strict=True)),
-    )
+    model, dwells = timed.mdp.transitions, observe(timed, decisions).dwells
+    laws, logs = model.laws(truth), dwells.by_decision(truth)
+    by_decision = dict(zip(dwells.row.tolist(), logs, strict=True))
     for row in range(len(decisions)):
         number = model.model_of[decisions.state[row], decisions.action[row]]
         censored, dwell_s = decisions.censored[row], decisions.dwell_s[row]
@@ -82,14 +72,16 @@ def test_the_likelihood_of_dwell_times_is_that_of_a_sum_over_outcomes(seen):
             assert total == pytest.approx(given)
 
 
-@pytest.mark.parametrize(("case", "belief"), [*zip(CASES, [*BELIEFS[1:], BELIEFS[0]], strict=True)])
+@pytest.mark.parametrize(
+    ("case", "belief"), [*zip(rings.CASES, [*BELIEFS[1:], BELIEFS[0]], strict=True)]
+)
 def test_gradient_and_hessian_are_those_of_differences(case, belief):
     (timed, truth, decisions), rng = drawn(*case), np.random.default_rng(9)
     strengths = PriorByEvidence(2.0, 1.3, 0.8).strengths(belief, timed=True)
     prior = strengths.prior(timed, np.zeros(0))
-    posterior = Posterior(timed, observe(timed.mdp, decisions), MdcePolicy(), prior)
+    posterior = Posterior(timed, observe(timed, decisions), MdcePolicy(), prior)
     at = truth + rng.normal(0.0, 0.2, len(truth))
-    start = starting_parameters(timed, MdcePolicy(), WEIGHTS, at, belief)
+    start = starting_parameters(timed, MdcePolicy(), rings.WEIGHTS, at, belief)
     space = coordinates(timed, belief, start)
     objective = LogPosterior(posterior, space)
     u = space.of(start) + rng.normal(0.0, 0.05, space.table.shape[1])
@@ -102,9 +94,11 @@ def test_gradient_and_hessian_are_those_of_differences(case, belief):
 
 @pytest.mark.parametrize("belief", [sc.TiedBelief(), sc.FreeBelief()], ids=repr)
 def test_where_every_move_takes_one_second_all_is_as_without_time(belief):
-    rng, plain = np.random.default_rng(10), ring()
-    policy = sc.soft_policy(plain, WEIGHTS, OUTCOMES).probabilities
-    decisions = sc.sample_decisions(plain.mdp, policy, OUTCOMES, n_episodes=8, n_steps=30, rng=rng)
+    rng, plain = np.random.default_rng(10), rings.ring()
+    policy = sc.soft_policy(plain, rings.WEIGHTS, rings.OUTCOMES).probabilities
+    decisions = sc.sample_decisions(
+        plain.mdp, policy, rings.OUTCOMES, n_episodes=8, n_steps=30, rng=rng
+    )
     one, other = (
         results(problem, decisions, belief)
         for problem in (plain, sc.semi_markov_problem(plain, law_of=np.full((3, 3), -1)))
@@ -115,30 +109,20 @@ def test_where_every_move_takes_one_second_all_is_as_without_time(belief):
 
 def results(problem, decisions, belief):
     fit = sc.fit_mdce_serd(problem, decisions, belief=belief)
-    found, information = (
-        sc.laplace(problem, decisions, fit),
-        sc.fit_information(problem, decisions, fit),
-    )
+    found, information = (f(problem, decisions, fit) for f in (sc.laplace, sc.fit_information))
     known, errors = sc.outcome_information(found), sc.standard_errors(problem, information)
     of_fit = fit.objective, fit.parameters.vector, fit.outcome_probabilities, errors.reward
     of_draws = found.sample(6, np.random.default_rng(1)), known.from_transitions, known.lower
-    gain = sc.expected_information_gain(found)
-    return (
-        *of_fit,
-        *of_draws,
-        found.log_evidence,
-        gain,
-        information.observed,
-        information.outer_product,
-    )
+    more = found.log_evidence, sc.expected_information_gain(found)
+    return (*of_fit, *of_draws, *more, information.observed, information.outer_product)
 
 
 @pytest.fixture(scope="module")
 def learned():
     rng = np.random.default_rng(11)
-    timed, truth = timed_ring()
+    timed, truth = rings.timed_ring()
     starts = np.arange(4, 8)
-    decisions = demonstrations(timed, truth, rng, n_episodes=60, starts=starts)
+    decisions = rings.demonstrations(timed, truth, rng, n_episodes=60, starts=starts)
     return timed, truth, decisions, sc.fit_mdce_serd(timed, decisions)
 
 

@@ -26,14 +26,8 @@ def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_exampl
     """With the reward held fixed the transitions of a are coin flips: sqrt(p (1 - p) / n)."""
     action = [0] * 100 + [0, 1] * 30
     both = apart(0, action, [1] * 30 + [0] * 70 + [0, 1, 1, 0] * 15)
-    fit = sc.fit_mdce_serd(
-        minimum_example,
-        both,
-        initial_weights=np.zeros(1),
-        belief=sc.FreeBelief(),
-        prior=sc.KldPrior(1e-9),
-        ascent=sc.TrustRegion(max_steps=100),
-    )
+    given = {"belief": sc.FreeBelief(), "prior": sc.KldPrior(1e-9), "initial_weights": np.zeros(1)}
+    fit = sc.fit_mdce_serd(minimum_example, both, ascent=sc.TrustRegion(max_steps=100), **given)
     information = sc.fit_information(minimum_example, both, fit)
     errors = sc.standard_errors(minimum_example, information, information.outer_product)
     share = fit.outcome_probabilities[0, 1]
@@ -45,7 +39,7 @@ def test_the_error_of_an_observed_outcome_is_that_of_a_proportion(minimum_exampl
 @pytest.mark.parametrize("policy_model", [MdcePolicy(), PolicyMatchingPolicy(1.3)], ids=repr)
 def test_scores_add_up_to_the_gradient_of_the_likelihood(gridworld, policy_model):
     problem, rng = gridworld.problem, np.random.default_rng(0)
-    seen = observe(problem.mdp, gridworld.decisions)
+    seen = observe(problem, gridworld.decisions)
     posterior = Posterior(problem, seen, policy_model, sc.UniformPrior())
     at = fit_of(gridworld, (1.0, 1.0), ascent=sc.TrustRegion(max_steps=2)).parameters
     at = at.with_vector(at.vector + 0.1 * rng.normal(size=92))
@@ -174,6 +168,10 @@ def random_case(seed, scale=1.0):
     return problem, sc.sample_decisions(problem.mdp, policy, n_episodes=40, n_steps=10, rng=rng)
 
 
+LEARNERS = [sc.fit_mdce_irl_by_likelihood, sc.fit_mdce_irl_by_entropy]
+LEARNERS += [sc.fit_maxent_irl, sc.fit_policy_matching]
+
+
 def test_policy_matching_alone_does_not_determine_the_scale_of_rewards():
     problem, decisions = random_case(0)
     held = sc.GaussianPrior(0.1, sc.Block.POLICY, 1.0)
@@ -184,15 +182,7 @@ def test_policy_matching_alone_does_not_determine_the_scale_of_rewards():
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-@pytest.mark.parametrize(
-    "fit",
-    [
-        sc.fit_mdce_irl_by_likelihood,
-        sc.fit_mdce_irl_by_entropy,
-        sc.fit_maxent_irl,
-        sc.fit_policy_matching,
-    ],
-)
+@pytest.mark.parametrize("fit", LEARNERS)
 def test_units_of_features_change_no_fit(fit, scale):
     (problem, decisions), (other, same) = random_case(1), random_case(1, scale)
     wanted, found = fit_from_zero(problem, decisions, fit=fit), fit_from_zero(other, same, fit=fit)
