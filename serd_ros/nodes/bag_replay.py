@@ -19,11 +19,10 @@ from serd_bag.reader import BagReader
 from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.serd_node import Endpoints, SerdNode
 from serd_ros.settings import BagReplayConfig
 
 _TURN_S = 0.005

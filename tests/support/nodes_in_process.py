@@ -23,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from serd_ros.graph.graph import class_of
+from serd_ros.process.lifecycle import bring_up
 from serd_ros.process.serd_node import SerdNode
 
 
@@ -36,10 +37,13 @@ def deliver(subscription: Subscription, message: Any) -> None:
 
 
 class NodeInProcess:
-    """published: how many messages went out by topic; sent: the last message of each."""
+    """published: how many messages went out by topic; sent: the last message of each.
+
+    lifecycle: of a managed node, else None.
+    """
 
     def __init__(self, node: SerdNode[Any]) -> None:
-        self.node = node
+        self.node, self.lifecycle = node, bring_up(node)
         now_s = node.wall_s()
         self._waited_s = 0.0
         setattr(node, "wall_s", lambda: now_s + self._waited_s)  # noqa: B010
@@ -83,7 +87,7 @@ class NodeInProcess:
     @property
     def work(self) -> Any:
         """What an active node does, which a managed node has apart."""
-        return self.node.lifecycle.activity if hasattr(self.node, "lifecycle") else self.node
+        return self.lifecycle.activity if self.lifecycle else self.node
 
     def set(self, **values: object) -> SetParametersResult:
         """The answer of the node's service to set these parameters together."""

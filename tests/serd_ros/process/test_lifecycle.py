@@ -27,7 +27,6 @@ def managed(tmp_path, save_model_of):
     def make(kind, **given):
         given = {"managed": True, **needed.get(kind, {}), **given}
         with node_in_process(kind, **given) as running:
-            running.lifecycle = running.node.lifecycle
             yield running
 
     make.needed = needed
