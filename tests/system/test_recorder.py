@@ -30,7 +30,7 @@ from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from support.transforms_message import transforms_message
+from support.bag_messages import TF
 from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -204,14 +204,12 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert "Traceback" not in log
 
 
-TF = "tf2_msgs/msg/TFMessage"
 N_SENT = 50
 
 
-def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path):
+def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path, messages):
     sent = [
-        transforms_message(("odom", "base_link", (0.1 * n, 0.0), (0.0, 1.0), 1.0 + 0.1 * n))
-        for n in range(N_SENT)
+        messages.transform(1.0 + 0.1 * n, "odom", "base_link", 0.1 * n, 0.0) for n in range(N_SENT)
     ]
     with BagWriter(tmp_path / "played") as writer:
         writer.add_topic("/tf", TF)

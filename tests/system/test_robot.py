@@ -17,12 +17,12 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
+from serd_app.drives.drive import END
 from serd_cli.processes.workspace import node_command
-from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
-from support.goals import Goals
 from support.waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -33,6 +33,31 @@ needs_nav2 = pytest.mark.skipif(
     importlib.util.find_spec("nav2_msgs") is None,
     reason="nav2_msgs is not installed; run make interfaces",
 )
+
+
+class Goals:
+    """Sends goals one after the other and takes how their drives end."""
+
+    def __init__(self, probe):
+        self.probe, self.n_begun, self.ends = probe, 0, []
+        self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
+        probe.node.create_subscription(DiagnosticArray, "episode", self._take_mark, qos.STATE)
+
+    def _take_mark(self, message):
+        mark = from_episode_message(message)
+        if mark.event == END:
+            self.ends.append(mark.outcome)
+        else:
+            self.n_begun += 1
+
+    def send(self, place):
+        self.probe.spin_until(lambda: self._goals.get_subscription_count() > 0)
+        self._goals.publish(to_pose_stamped((*place, 0.0), 0.0))
+
+    def drive_to(self, place, seen):
+        n_ended = len(self.ends)
+        self.send(place)
+        self.probe.spin_until(lambda: len(self.ends) > n_ended, seen=seen)
 
 
 @pytest.mark.parametrize(

@@ -26,10 +26,10 @@ from serd_ros.endpoints.qos import common_qos, less_demanding
 from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.endpoints.topic_types import TF_TYPE, TopicType, message_class, raw_message_class
 from serd_ros.settings import LocalisationConfig
+from support.bag_messages import Messages
 from support.nodes_in_process import deliver, node_in_process, other_participant
 from support.observations import observation_at
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
-from support.transforms_message import transforms_message
 from support.valid_messages import valid_message
 from support.waiting import PATIENCE_S, wait_until
 
@@ -177,11 +177,10 @@ def test_of_a_message_with_a_bad_transform_the_others_are_taken(running):
         found = [each for each in node.subscriptions if each.topic_name == "/tf"]
         return found[0] if found else None
 
-    message = transforms_message(
-        ("map", "odom", (math.nan, 0.0), (0.0, 1.0), 1.0),
-        ("wheel", "tyre", (0.0, 0.0), (0.0, 3.0), 1.0),
-        ("odom", "moon", (3.8e8, 0.0), (0.0, 1.0), 1.0),
-        ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
+    message = Messages().transforms(
+        ("map", "odom", (math.nan, 0.0, 0.0), 1.0),
+        ("odom", "moon", (3.8e8, 0.0, 0.0), 1.0),
+        ("odom", "base_link", (2.0, 0.0, 0.0), 1.0),
     )
     deliver(wait_until(subscription, turn=running.call_timers), message)
     assert changes == [("base_link", "odom")]
