@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,7 @@ from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_cli.processes import supervisor
 from serd_cli.processes.supervisor import Process, run_together
 from serd_ros.process.progress import Progress
-from support.waiting import PATIENCE_S
+from support.waiting import PATIENCE_S, children_of
 
 SLEEP = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
 
@@ -116,18 +115,14 @@ def command_that_runs(*node, grace_s=0.5):
         start_new_session=True,
     ) as command:
         assert command.stdout.readline() == "ready\n"
-        (keeper,) = children(command.pid)
-        (pid,) = children(keeper)
+        (keeper,) = children_of(command.pid)
+        (pid,) = children_of(keeper)
         descriptor = os.pidfd_open(pid)
         try:
             yield command, pid, descriptor
         finally:
             command.kill()
             os.close(descriptor)
-
-
-def children(pid):
-    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def has_ended(descriptor, limit_s=PATIENCE_S):
@@ -155,6 +150,6 @@ def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed(stopped
 
 def test_a_node_ends_with_its_keeper():
     with command_that_runs(STUBBORN) as (command, _, node):
-        (keeper,) = children(command.pid)
+        (keeper,) = children_of(command.pid)
         os.kill(keeper, signal.SIGKILL)
         assert has_ended(node)
