@@ -174,8 +174,14 @@ class Endpoints:
         #: What subscribes again with another quality of service.
         self._follows: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
 
-    def _has_ended(self) -> bool:
-        return self._ended
+    def _until_closed(self, guarded: Callable[..., Any]) -> Callable[..., Any]:
+        """The executor still calls what was due when its endpoint was destroyed."""
+
+        @wraps(guarded)
+        def called(*arguments: Any) -> Any:
+            return guarded(*arguments) if not self._ended else arguments and arguments[-1]
+
+        return called
 
     def _keep(self, endpoint: Made, destroy: Callable[[Any], object]) -> Made:
         self._made[endpoint] = destroy
@@ -228,7 +234,7 @@ class Endpoints:
     ) -> Timer:
         """A timer of steady wall time."""
         node = self.node
-        guarded = node.callbacks.of_timer(callback, self._has_ended)
+        guarded = self._until_closed(node.callbacks.of_timer(callback))
         made = node.create_timer(period_s, guarded, clock=node.wall_clock, autostart=autostart)
         return self._keep(made, node.destroy_timer)
 
@@ -244,7 +250,7 @@ class Endpoints:
             return response
 
         node = self.node
-        guarded = node.callbacks.of_requests(name, respond, self._has_ended)
+        guarded = self._until_closed(node.callbacks.of_requests(name, respond))
         self._keep(node.create_service(kind, name, guarded), node.destroy_service)
 
     def client(self, kind: Any, name: str) -> Client:
@@ -253,7 +259,7 @@ class Endpoints:
 
     def guarded(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
         """A callback of messages that raises nothing, and does nothing after `close`."""
-        return self.node.callbacks.of_messages(topic, callback, self._has_ended)
+        return self._until_closed(self.node.callbacks.of_messages(topic, callback))
 
     def destroy(self, endpoint: Any) -> None:
         """Destroy an endpoint or a scope before the others."""

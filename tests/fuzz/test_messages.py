@@ -89,9 +89,7 @@ class Session:
         if topic == "model":
             yield subscription.msg_type(data=self._model)
             return
-        yield valid_message(
-            topic.replace("cmd_vel_planner", "cmd_vel"), time_s, subscription.msg_type
-        )
+        yield valid_message(topic, time_s, subscription.msg_type)
         if topic == "episode":
             mark = EpisodeMark("end", time_s, 1, "scripted_expert", 0, "train", "arrived")
             yield to_episode_message(mark)
@@ -102,10 +100,8 @@ class Session:
         if runner := getattr(self.running.work, "runner", None):
             runner._starter._look.cancel()
             if not runner.driving:
-                start = EpisodeStart(
-                    episode=0, seed=0, start_area="train", start_s=self._time_s - TICK_S
-                )
-                runner._starter.begin(start)
+                place = {"episode": 0, "seed": 0, "start_area": "train"}
+                runner._starter.begin(EpisodeStart(**place, start_s=self._time_s - TICK_S))
         if isinstance(node, TeleopPageNode):
             node.choice.hold(None)
             node.choice.hold(Action.NORTH)
@@ -160,10 +156,7 @@ class Session:
 def follow_tf(running: NodeInProcess) -> None:
     """Let the node subscribe to /tf, which it does where there is a publisher."""
     running.node.create_publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
-    wait_until(
-        lambda: any(each.topic_name == "/tf" for each in running.node.subscriptions),
-        turn=running.call_timers,
-    )
+    wait_until(lambda: running.subscriptions("tf"), turn=running.call_timers)
 
 
 def memory_mb() -> float:

@@ -109,8 +109,8 @@ class Robot:
     def __init__(self, probe, page):
         self.probe, self.page = probe, page
         self.speed_mps = self.time_s = self.moved_s = self.turned_s = self.y_m = 0.0
-        probe.node.create_subscription(Odometry, "odom", self._take_odometry, qos.STATE)
-        probe.node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
+        probe.subscribe(Odometry, "odom", self._take_odometry)
+        probe.subscribe(PoseStamped, "robot_pose", self._take_pose)
 
     def _take_odometry(self, message):
         self.time_s = stamp_s(message.header.stamp)

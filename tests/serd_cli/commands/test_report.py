@@ -49,14 +49,13 @@ def three_commands(tmp_path_factory):
     """A folder in which three commands were run, and what they printed."""
 
     def run(folder):
-        bag, printed = foreign_bag(folder / "bag"), ""
-        for words in (
-            ("bag", "suggest", bag, "--output", "mapping.yaml"),
-            ("demos", bag, "--mapping", "mapping.yaml", "--cell-size-m", "0.5"),
-            ("learn", "decisions.csv", "--report", "report"),
-        ):
-            printed += printed_in(folder, *words)
-        (folder / "printed.txt").write_text(printed)
+        bag = foreign_bag(folder / "bag")
+        printed = (
+            printed_in(folder, "bag", "suggest", bag, "--output", "mapping.yaml"),
+            printed_in(folder, "demos", bag, "--mapping", "mapping.yaml", "--cell-size-m", "0.5"),
+            printed_in(folder, "learn", "decisions.csv", "--report", "report"),
+        )
+        (folder / "printed.txt").write_text("".join(printed))
 
     folder = made_once(tmp_path_factory, "three-commands", run)
     return folder, (folder / "printed.txt").read_text()

@@ -191,12 +191,6 @@ def test_foxglove_shows_the_same_topics(root, shown):
     assert type_of(summary).name == "diagnostic_msgs/msg/DiagnosticArray"
 
 
-@pytest.mark.parametrize("node", sorted(load_graph().nodes))
-def test_the_defaults_of_every_node_are_valid(node):
-    config = config_of(node)
-    assert validated(node, {}, config) == config(**config.defaults({}))
-
-
 @pytest.mark.parametrize(
     ("values", "sentence"),
     [

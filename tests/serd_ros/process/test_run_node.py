@@ -1,11 +1,9 @@
 """A node ends between two callbacks after a signal, whenever the signal arrives; exit codes."""
 
-import math
 import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 import rclpy
@@ -13,7 +11,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from serd_ros.nodes.teleop_mux import TeleopJoyNode
-from serd_ros.process.run_node import _StopSignal, run_node
+from serd_ros.process.run_node import run_node
 from support.waiting import PATIENCE_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -28,16 +26,6 @@ def handlers():
         signal.signal(each, handler)
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-def test_the_first_signal_is_noted_and_the_second_interrupts(number):
-    stop = _StopSignal()
-    assert stop.received_s == math.inf
-    os.kill(os.getpid(), number)
-    assert stop.received_s <= time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        os.kill(os.getpid(), number)
-
-
 @pytest.fixture
 def own_domain(monkeypatch, ros_env):
     for name in ("ROS_LOG_DIR", "ROS_DOMAIN_ID"):
@@ -49,21 +37,22 @@ def in_own_domain(test):
 
 
 @in_own_domain
+@pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize(
     ("n_before", "n_after", "ends"), [(1, 0, ["teleop_joy"]), (0, 1, ["teleop_joy"]), (1, 1, [])]
 )
 def test_a_signal_ends_a_node_once_it_is_constructed_and_a_second_one_at_once(
-    n_before, n_after, ends
+    n_before, n_after, ends, number
 ):
     ended = []
 
     class Interrupted(TeleopJoyNode):
         def __init__(self):
             for _ in range(n_before):
-                os.kill(os.getpid(), signal.SIGTERM)
+                os.kill(os.getpid(), number)
             super().__init__("teleop_joy")
             for _ in range(n_after):
-                os.kill(os.getpid(), signal.SIGTERM)
+                os.kill(os.getpid(), number)
 
         def close(self):
             ended.append(self.get_name())
