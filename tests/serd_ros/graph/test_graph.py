@@ -36,7 +36,6 @@ from serd_ros.nodes.hallway_sim import HallwaySimConfig
 from serd_ros.nodes.local_planner import LocalPlannerConfig
 from serd_ros.nodes.watch_page import WatchView
 from serd_ros.process.serd_node import SerdNode, validated
-from serd_sim.planning.settings import PlannerSettings
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 from support.nodes_in_process import needed_parameters, node_in_process
@@ -210,18 +209,6 @@ def config(scenario, **given):
     return validated("local_planner", {"scenario": str(scenario), **given}, LocalPlannerConfig)
 
 
-@pytest.fixture
-def slow_corridor(tmp_path):
-    """A corridor whose robot is slower than usual and whose planner is slower still."""
-    corridor = load_scenario("corridor")
-    robot = corridor.robot.model_copy(update={"max_vel_x_mps": 0.9, "acc_lim_x_mps2": 2.0})
-    planner = PlannerSettings(max_vel_x=0.7, sim_time=2.0)
-    path = tmp_path / "slow.yaml"
-    changes = {"robot": robot, "local_planner": planner, "control_period_s": 0.1}
-    path.write_text(model_yaml(corridor.model_copy(update=changes)))
-    return path
-
-
 @pytest.mark.parametrize("name", builtin_scenarios())
 def test_the_defaults_of_the_node_are_those_of_every_built_in_scenario(name):
     parameters = LocalPlannerConfig.defaults({"scenario": name})
@@ -229,12 +216,17 @@ def test_the_defaults_of_the_node_are_those_of_every_built_in_scenario(name):
     assert parameters == LocalPlannerConfig.defaults({})
 
 
-def test_what_is_given_wins_and_reaches_the_planner(slow_corridor):
-    scenario = config(slow_corridor, max_vel_x=0.5, vx_samples=5).planned_scenario()
+def test_what_is_given_wins_and_reaches_the_planner(tmp_path):
+    """The robot of the corridor is slower than usual, and its planner is slower still."""
+    slow = load_scenario("corridor").with_values("robot", max_vel_x_mps=0.9, acc_lim_x_mps2=2.0)
+    slow = slow.with_values("local_planner", max_vel_x=0.7, sim_time=2.0)
+    path = tmp_path / "slow.yaml"
+    path.write_text(model_yaml(slow))
+    scenario = config(path, max_vel_x=0.5, vx_samples=5).planned_scenario()
     limited = scenario.local_planner.limited(scenario.robot)
     assert (limited.max_vel_x_mps, limited.acc_lim_x_mps2) == (0.5, 2.0)
     assert (scenario.local_planner.vx_samples, scenario.local_planner.sim_time) == (5, 2)
-    assert scenario.robot == load_scenario(slow_corridor).robot
+    assert scenario.robot == slow.robot
 
 
 def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
