@@ -293,6 +293,10 @@ def test_every_parameter_is_described_and_refuses_to_be_set(
     given = needed_parameters(tmp_path, save_model_of()) | {"bag_replay": {"bag": str(small_bag())}}
     with node_in_process(kind, **given.get(kind, {})) as running:
         node, config = running.node, config_of(kind)
+        plain = Node("plain")
+        for name, value in vars(plain).items():  # a node of ours hides no attribute of rclpy's
+            assert type(vars(node)[name]) is type(value), name
+        plain.destroy_node()
         for name in config.model_fields:
             described, parameter = node.describe_parameter(name), node.get_parameter(name)
             assert len(described.description) > 5, name
