@@ -12,10 +12,10 @@ from serd_files.table import EpisodeResult, write_rows
 from serd_ros.convert.diagnostics import UNCOUNTED, from_world_report
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.episodes import EpisodeStarter
 from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.process.progress import Progress, write_progress
+from serd_ros.process.serd_node import Endpoints
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import Ending, EpisodeProgress, EpisodeStart, observed_result

@@ -18,8 +18,8 @@ from serd_bag.errors import FileError
 from serd_files.yaml_config import yaml_model
 from serd_ros.convert.diagnostics import from_episode_message, to_episode_message
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.graph.graph import WORLD_TOPICS, Readiness, several_worlds
+from serd_ros.process.serd_node import Endpoints
 from serd_sim.episodes.episode import EpisodeStart
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation

@@ -32,10 +32,10 @@ from serd_ros.convert.motion import PlanarPose, odom_in_map, to_quaternion
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import require_finite, require_time, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints, waiting_messages
 from serd_ros.endpoints.qos import common_qos, is_latched, recording_qos
 from serd_ros.endpoints.topic_types import HASH_START, TF_TYPE, TopicType
 from serd_ros.errors import MessageError
+from serd_ros.process.serd_node import Endpoints, waiting_messages
 from serd_sim.perception.scan_people import PeopleTracker
 from serd_sim.robot.urdf import LinkTransform, Placed
 from serd_sim.world.observation import People

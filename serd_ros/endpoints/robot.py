@@ -14,20 +14,14 @@ from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import LaserScan
 
+from serd_ros.convert import motion
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.motion import (
-    PlanarPose,
-    from_odometry,
-    from_pose_stamped,
-    to_twist,
-    to_twist_stamped,
-)
 from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import PeopleTopic, follow_transforms
 from serd_ros.errors import MessageError
+from serd_ros.process.serd_node import Endpoints
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan
 from serd_sim.world.command import Command
@@ -81,12 +75,12 @@ class ObservationSource:
             self._people = PeopleTopic(endpoints, people_topic, self._on_people)
         endpoints.every(_LOOK_PERIOD_S, self._look)
 
-    def _take_pose(self, time_ns: int, pose: PlanarPose) -> None:
+    def _take_pose(self, time_ns: int, pose: motion.PlanarPose) -> None:
         self._came_wall_s["pose"] = self._node.wall_s()
         self._pass_on(self._inbox.take_pose(time_ns, pose))
 
     def _on_odometry(self, message: Odometry) -> None:
-        time_ns, _, speeds = from_odometry(message, self._node.frames)
+        time_ns, _, speeds = motion.from_odometry(message, self._node.frames)
         self._came_wall_s["odom"] = self._node.wall_s()
         self._pass_on(self._inbox.take_speeds(time_ns, speeds))
 
@@ -177,7 +171,7 @@ def follow_scans(
     endpoints.subscribe(LaserScan, topics.SCAN, on_scan, profile)
 
 
-TakePose = Callable[[int, PlanarPose], None]
+TakePose = Callable[[int, motion.PlanarPose], None]
 
 
 class PoseTopic:
@@ -187,7 +181,7 @@ class PoseTopic:
 
     def __init__(self, endpoints: Endpoints, take: TakePose) -> None:
         def on_pose(message: PoseStamped) -> None:
-            take(*from_pose_stamped(message, endpoints.node.frames))
+            take(*motion.from_pose_stamped(message, endpoints.node.frames))
 
         follow_transforms(endpoints)
         endpoints.subscribe(PoseStamped, self.topic, on_pose, qos.STATE)
@@ -245,10 +239,10 @@ class CommandPublisher:
     def publish(self, command: Command, time_s: float) -> None:
         """Send a command. time_s: of the observation that it answers."""
         if self._stamped:
-            message = self._frames.prefixed(to_twist_stamped(command, time_s))
+            message = self._frames.prefixed(motion.to_twist_stamped(command, time_s))
             self._publisher.publish(message)
         else:
-            self._publisher.publish(to_twist(command))
+            self._publisher.publish(motion.to_twist(command))
 
 
 def follow_commands(

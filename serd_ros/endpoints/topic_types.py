@@ -131,7 +131,6 @@ def message_class(kind: MessageType) -> Any | None:
 _MIDDLEWARE = "rmw_fastrtps_cpp"
 _SUPPORT = b"rosidl_typesupport_fastrtps_c"
 _INTROSPECTION = b"rosidl_typesupport_introspection_c"
-_HASH_BYTES = 32
 _HEADROOM = 1 << 16
 
 _Handle = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
@@ -164,7 +163,7 @@ _Sequence = _struct(data=_TEXT, size=_SIZE, room=_SIZE)
 #: rosidl_runtime_c__type_description__TypeDescription.
 _Description = _struct(type_name=_Sequence, fields=_Sequence, others=_Sequence)
 #: rosidl_type_hash_t; version 0 where the hash is not known.
-_Hash = _struct(version=ctypes.c_uint8, value=ctypes.c_uint8 * _HASH_BYTES)
+_Hash = _struct(version=ctypes.c_uint8, value=ctypes.c_uint8 * 32)
 
 
 @cache
@@ -198,12 +197,8 @@ def _support(kind: MessageType) -> tuple[Any, tuple[Any, ...]]:
 
 
 def _hash(text: str) -> Any:
-    try:
-        digest = bytes.fromhex(text.removeprefix(HASH_START))
-    except ValueError:
-        return _Hash()
-    is_known = text.startswith(HASH_START) and len(digest) == _HASH_BYTES
-    return _Hash(1, (ctypes.c_uint8 * _HASH_BYTES)(*digest)) if is_known else _Hash()
+    known = re.fullmatch(HASH_START + "([0-9a-f]{64})", text)
+    return _Hash(1, (ctypes.c_uint8 * 32)(*bytes.fromhex(known[1]))) if known else _Hash()
 
 
 def _returns(value: ctypes.Structure) -> Any:

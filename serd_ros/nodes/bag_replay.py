@@ -6,11 +6,10 @@ times; a recorded /clock is played as any other topic.
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
-from rclpy.qos import ReliabilityPolicy
 
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.formats.rosbag2.qos import profile_to_offer
@@ -19,7 +18,6 @@ from serd_bag.reader import BagReader
 from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
 from serd_ros.endpoints import qos
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import message_class
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness
@@ -35,55 +33,6 @@ _CONFIRMED_WITHIN = Duration(seconds=10.0)
 _UNCONFIRMED_AT_MOST = qos.STATE_DEPTH // 2
 
 
-class ReplayPublishers:
-    """One publisher for each recorded topic; skipped: types of those that cannot be played."""
-
-    def __init__(self, endpoints: Endpoints, topics: Iterable[Topic]) -> None:
-        self.skipped: dict[str, str] = {}
-        self._of: dict[str, Publisher] = {}
-        self._n_unconfirmed: Counter[str] = Counter()
-        for topic in topics:
-            message = message_class(resolve_type_if_known(topic.message_type))
-            if message is None or topic.encoding != CDR:
-                self.skipped[topic.name] = topic.type_name
-                continue
-            profile = qos.replay_qos(profile_to_offer(topic.qos))
-            self._of[topic.name] = endpoints.publisher(message, topic.name, profile)
-        if not self._of:
-            types = ", ".join(sorted(set(self.skipped.values()))) or "nothing"
-            raise NodeError(f"bag must hold a topic of messages in CDR, got {types}")
-
-    @property
-    def topics(self) -> Collection[str]:
-        """Topics that can be played."""
-        return self._of.keys()
-
-    def publish(self, messages: Iterable[RawMessage]) -> None:
-        """Send them; at times wait for reliable readers, so that none is overrun."""
-        for message in messages:
-            topic = message.topic
-            self._of[topic].publish(message.data)
-            self._n_unconfirmed[topic] += 1
-            if self._n_unconfirmed[topic] >= _UNCONFIRMED_AT_MOST:
-                self._confirm(topic)
-
-    def finish(self) -> None:
-        """Wait until everything has arrived."""
-        for topic in list(self._n_unconfirmed):
-            self._confirm(topic)
-
-    def _confirm(self, topic: str) -> None:
-        self._n_unconfirmed[topic] = 0
-        publisher = self._of[topic]
-        if publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE:
-            publisher.wait_for_all_acked(_CONFIRMED_WITHIN)
-
-    @property
-    def has_subscriber(self) -> bool:
-        """Whether any topic has a subscriber."""
-        return any(publisher.get_subscription_count() for publisher in self._of.values())
-
-
 class BagReplayNode(SerdNode[BagReplayConfig]):
     """Waits for subscribers, then publishes every message at its time."""
 
@@ -95,11 +44,9 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._reader = BagReader(config.bag)
         kinds = self._reader.topics
         wanted = selected_topics(kinds, [name for name in config.topics if name])
-        self._outlet = ReplayPublishers(endpoints, [kinds[name] for name in wanted])
-        for topic, kind in self._outlet.skipped.items():
-            text = f"{topic} is not played: {kind} is not in CDR or not installed"
-            self.get_logger().warning(text)
-        played, duration_s = frozenset(self._outlet.topics), config.duration_s or math.inf
+        self._outlets = self._outlets_of([kinds[name] for name in wanted])
+        self._n_unconfirmed = Counter[str]()
+        played, duration_s = frozenset(self._outlets), config.duration_s or math.inf
         self._excerpt = Excerpt(played, config.start_s, duration_s)
         self._n_sent = 0
         self._readiness = Readiness(self, config.required_nodes, now_s)
@@ -107,6 +54,37 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._playback = self._from_the_beginning()
         self._turns = endpoints.every(_TURN_S, self._turn)
         endpoints.every(_REPORT_PERIOD_S, self._report_playback)
+
+    def _outlets_of(self, topics: Iterable[Topic]) -> dict[str, Publisher]:
+        """By topic, for those that can be played."""
+        found, skipped = dict[str, Publisher](), set[str]()
+        for topic in topics:
+            message = message_class(resolve_type_if_known(topic.message_type))
+            if message is not None and topic.encoding == CDR:
+                profile = qos.replay_qos(profile_to_offer(topic.qos))
+                found[topic.name] = self.endpoints.publisher(message, topic.name, profile)
+                continue
+            skipped.add(topic.type_name)
+            text = f"{topic.name} is not played: {topic.type_name} is not in CDR or not installed"
+            self.get_logger().warning(text)
+        if not found:
+            types = ", ".join(sorted(skipped)) or "nothing"
+            raise NodeError(f"bag must hold a topic of messages in CDR, got {types}")
+        return found
+
+    def _publish(self, message: RawMessage) -> None:
+        """Send it; at times wait for reliable readers, so that none is overrun."""
+        topic = message.topic
+        self._outlets[topic].publish(message.data)
+        self._n_unconfirmed[topic] += 1
+        if self._n_unconfirmed[topic] >= _UNCONFIRMED_AT_MOST:
+            self._confirm(topic)
+
+    def _confirm(self, topic: str) -> None:
+        self._n_unconfirmed[topic] = 0
+        publisher = self._outlets[topic]
+        if qos.is_reliable(publisher.qos_profile):
+            publisher.wait_for_all_acked(_CONFIRMED_WITHIN)
 
     def _from_the_beginning(self) -> Playback:
         self._sound = UntilDamage(self._excerpt.messages(self._reader))
@@ -124,7 +102,8 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         if self._waiting_until_s is not None and not self._has_subscribers():
             return
         messages = self._playback.due(self.wall_s(), at_most=_AT_ONCE)
-        self._outlet.publish(messages)
+        for message in messages:
+            self._publish(message)
         self._n_sent += len(messages)
         if self._playback.finished:
             self._end()
@@ -135,7 +114,8 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         now_s = self.wall_s()
         missing = self._readiness.missing(now_s)
         required = any(self.config.required_nodes)
-        is_ready = not missing and (required or self._outlet.has_subscriber)
+        is_heard = any(each.get_subscription_count() for each in self._outlets.values())
+        is_ready = not missing and (required or is_heard)
         if is_ready or (not required and now_s >= self._waiting_until_s):
             self._waiting_until_s = None
             return True
@@ -163,7 +143,8 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             self._playback = self._from_the_beginning()
             return
         self._turns.cancel()
-        self._outlet.finish()
+        for topic in list(self._n_unconfirmed):
+            self._confirm(topic)
         self._report_playback()
         if damage:
             self.fail(damage)

@@ -23,12 +23,11 @@ from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
 from serd_ros.endpoints.qos import bag_qos
 from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import ManagedConfig, StackConfig
 
 _POLL_PERIOD_S = 0.1

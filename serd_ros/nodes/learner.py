@@ -28,11 +28,10 @@ from serd_files.settings import setting, setting_of
 from serd_files.yaml_config import model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError, NodeError
 from serd_ros.process.progress import Progress, write_progress
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import ManagedConfig
 from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.scenario.grid import grid_of

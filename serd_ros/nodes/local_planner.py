@@ -19,10 +19,9 @@ from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.motion import from_intent, from_waypoint_message
 from serd_ros.convert.stamp import Jump, stamp_ns, to_stamp
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.robot import CommandPublisher, ObservationSource
 from serd_ros.graph.graph import Readiness
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import ManagedConfig, ObservationConfig, StackConfig
 from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.planning.local_planner import PlannerStatus, RecoveringPlanner, make_planner

@@ -19,10 +19,9 @@ from serd_files.settings import setting
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.motion import from_pose_stamped, to_pose_stamped
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.followed_topic import follow_transforms
 from serd_ros.errors import NodeError
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import FramesConfig, ManagedConfig
 
 _WATCH_S = 0.5

@@ -13,9 +13,8 @@ from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.sensors import to_people_message
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.robot import ObservationSource, follow_scans
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import LidarConfig, LocalisationConfig, ManagedConfig
 from serd_sim.episodes.episode import EpisodeSettings
 from serd_sim.perception.scan_people import WALL_MARGIN_M, LidarPeople

@@ -9,9 +9,8 @@ from serd_files.settings import setting
 from serd_files.table import EpisodeResult
 from serd_ros.convert.motion import to_intent
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.episode_runner import EpisodeRunner
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import DriverConfig
 from serd_sim.drivers.catalogue import Driver, driver_names, make_driver
 from serd_sim.scenario.scenario import Scenario, load_scenario

@@ -26,20 +26,11 @@ from serd_files.model_file import ModelFile
 from serd_files.settings import setting, setting_of
 from serd_files.table import EpisodeResult
 from serd_files.yaml_config import yaml_model
+from serd_ros.convert import motion
 from serd_ros.convert.diagnostics import OK, WARN
-from serd_ros.convert.motion import (
-    from_goal_message,
-    to_goal_area_message,
-    to_path,
-    to_policy_markers,
-    to_text_marker,
-    to_value_markers,
-    to_waypoint_message,
-)
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.episode_runner import EpisodeRunner
-from serd_ros.process.serd_node import Activate, Activity, SerdNode
+from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import DriverConfig, StackConfig
 from serd_sim.drivers.strategy import Strategy
 from serd_sim.episodes.episode import ANYWHERE, EpisodeStart
@@ -133,7 +124,9 @@ class Navigating(Activity):
         """To stand, the place of the robot is its waypoint."""
         waypoint = self._waypoint or Waypoint(observation.x_m, observation.y_m)
         heading_rad = heading_to(waypoint, observation)
-        self._waypoints.publish(to_waypoint_message(waypoint, observation.time_s, heading_rad))
+        self._waypoints.publish(
+            motion.to_waypoint_message(waypoint, observation.time_s, heading_rad)
+        )
 
     def _repeat_waypoint(self) -> None:
         """Publish the waypoint again with the newest stamp, so that silence means an end."""
@@ -165,7 +158,7 @@ class Navigating(Activity):
         self._reporter.time_s, self._plan.goal_waits = 0.0, False
 
     def _on_goal(self, message: PoseStamped) -> None:
-        x_m, y_m = from_goal_message(message, self._node.frames)
+        x_m, y_m = motion.from_goal_message(message, self._node.frames)
         try:
             self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
             self._start_drive()
@@ -229,10 +222,10 @@ class StrategyReporter:
         """Publish a new plan and log its remarks; began_s: wall time when planning began."""
         grid, policy = strategy.problem.grid, strategy.policy
         centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
-        self._goal.publish(to_goal_area_message(strategy.scenario.goal_area_m, time_s))
+        self._goal.publish(motion.to_goal_area_message(strategy.scenario.goal_area_m, time_s))
         arrows = [Action(int(each)) for each in policy.greedy]
-        self._arrows.publish(to_policy_markers(centers_m, arrows, size_m, time_s))
-        self._values.publish(to_value_markers(centers_m, policy.value, size_m, time_s))
+        self._arrows.publish(motion.to_policy_markers(centers_m, arrows, size_m, time_s))
+        self._values.publish(motion.to_value_markers(centers_m, policy.value, size_m, time_s))
         took_ms = 1e3 * (self._node.wall_s() - began_s)
         self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
         for remark in plan_remarks(strategy):
@@ -246,10 +239,10 @@ class StrategyReporter:
         self.time_s = forecast.time_s
         self._arrival.publish(to_arrival_message(forecast.law, self.time_s))
         if self._way.get_subscription_count():
-            self._way.publish(to_path(navigator.way_m(observation), self.time_s))
+            self._way.publish(motion.to_path(navigator.way_m(observation), self.time_s))
         if self._text.get_subscription_count():
             place_m = observation.x_m, observation.y_m
-            self._text.publish(to_text_marker(forecast.summary, place_m, self.time_s))
+            self._text.publish(motion.to_text_marker(forecast.summary, place_m, self.time_s))
         if forecast.needs_attention:
             self._node.get_logger().warning(
                 f"{forecast.situation} at ({observation.x_m:.1f}, {observation.y_m:.1f}) m: "

@@ -22,20 +22,14 @@ from serd_app.teleop.session import EpisodeTally
 from serd_core.grid.grid import Grid
 from serd_files.model_file import ModelFile
 from serd_files.yaml_config import yaml_model
+from serd_ros.convert import motion
 from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
-from serd_ros.convert.motion import (
-    from_intent,
-    from_odometry,
-    from_pose_stamped,
-    from_waypoint_message,
-)
 from serd_ros.convert.sensors import from_people_message, from_scan
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.endpoints.episodes import PersonEpisodes
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.process.progress import report_address
-from serd_ros.process.serd_node import SerdNode
+from serd_ros.process.serd_node import Endpoints, SerdNode
 from serd_ros.settings import WatchPageConfig
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
@@ -100,11 +94,11 @@ class PageView:
         if topic == topics.SCAN:
             _, self._ranges = from_scan(message, self._scenario.lidar)
         elif topic == topics.INTENT:
-            _, action = from_intent(message)
+            _, action = motion.from_intent(message)
             if self._observation is not None:
                 self._waypoint = waypoint_of_intent(self._scenario.cells, self._observation, action)
         elif topic == topics.WAYPOINT:
-            _, self._waypoint = from_waypoint_message(message)
+            _, self._waypoint = motion.from_waypoint_message(message)
         elif topic == topics.DIAGNOSTICS:
             for name in _SHOWN:
                 if (values := values_of(message, name)) is not None:
@@ -157,9 +151,9 @@ class WatchView(PageView):
         """Take a message of one of the topics; MessageError where it breaks a rule."""
         super().take(topic, message)
         if topic == topics.ROBOT_POSE:
-            self._observation = self._observed(*from_pose_stamped(message))
+            self._observation = self._observed(*motion.from_pose_stamped(message))
         elif topic == topics.ODOM:
-            _, _, self._speeds = from_odometry(message)
+            _, _, self._speeds = motion.from_odometry(message)
         elif topic == topics.PEDESTRIANS:
             _, self._people = from_people_message(message)
         elif topic == topics.EPISODE:

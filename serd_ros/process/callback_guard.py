@@ -22,11 +22,6 @@ from serd_ros.errors import MessageError
 _LOG_PERIOD_S = 5.0
 #: A timer that fails this often without success in between ends the node.
 _FAILURES_IN_A_ROW = 10
-HasEnded = Callable[[], bool]
-
-
-def _never() -> bool:
-    return False
 
 
 class CallbackGuard:
@@ -34,8 +29,6 @@ class CallbackGuard:
 
     n_internal_errors: since the start; after_each: called after each callback. An executor that
     receives messages faster than the node processes them does nothing between two callbacks.
-    A guarded callback does nothing once `has_ended` is true: the executor still calls those that
-    were due when their endpoint was destroyed.
     """
 
     def __init__(self, node: Node, fail: Callable[[str], None]) -> None:
@@ -59,15 +52,11 @@ class CallbackGuard:
             values[f"rejected.{topic}"] = f"{by_rule}; last: {self._last_reason[topic]}"
         return values
 
-    def of_messages(
-        self, topic: str, callback: Callable[..., None], has_ended: HasEnded = _never
-    ) -> Callable[..., None]:
+    def of_messages(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
         """The callback of a subscription or future, with its signature, which rclpy looks at."""
 
         @wraps(callback)
         def guarded(*arguments: Any) -> None:
-            if has_ended():
-                return
             if isinstance(arguments[0], tuple):  # EventsExecutor: message and info in one
                 (arguments,) = arguments
             with self._handled(topic, callback):
@@ -76,13 +65,11 @@ class CallbackGuard:
         return guarded
 
     def of_requests(
-        self, service: str, callback: Callable[[Any, Any], Any], has_ended: HasEnded = _never
+        self, service: str, callback: Callable[[Any, Any], Any]
     ) -> Callable[[Any, Any], Any]:
         """The callback of a service; after an error it responds without success."""
 
         def guarded(request: Any, response: Any) -> Any:
-            if has_ended():
-                return response
             try:
                 return callback(request, response)
             except Exception as error:
@@ -97,16 +84,12 @@ class CallbackGuard:
 
         return guarded
 
-    def of_timer(
-        self, callback: Callable[[], None], has_ended: HasEnded = _never
-    ) -> Callable[[], None]:
+    def of_timer(self, callback: Callable[[], None]) -> Callable[[], None]:
         """The callback of a timer; it ends the node when it fails again and again."""
         name, n_failures = callback.__name__.strip("_"), 0
 
         def guarded() -> None:
             nonlocal n_failures
-            if has_ended():
-                return
             n_before = self.n_internal_errors
             with self._handled(name, callback):
                 callback()

@@ -18,8 +18,8 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from serd_files.errors import USER_ERRORS
-from serd_ros.endpoints.endpoints import confirm
-from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode
+from serd_ros.process.lifecycle import bring_up
+from serd_ros.process.serd_node import BAD_INPUT, INTERNAL_ERROR, SerdNode, confirm
 
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 #: A signal ends an idle node after one to two of these times (s).
@@ -43,6 +43,7 @@ def run_node(make_node: Callable[[], SerdNode[Any]]) -> int:
     exit_code = INTERNAL_ERROR
     try:
         node = make_node()
+        bring_up(node)
         exit_code = _spin(node, stop)
         if not exit_code and (n_errors := node.callbacks.n_internal_errors):
             print(f"{node.get_name()}: {n_errors} internal errors, logged above", file=sys.stderr)
@@ -73,7 +74,7 @@ def _end(node: SerdNode[Any] | None, exit_code: int) -> None:
     finally:
         with suppress(OSError):  # who reads it may have ended
             sys.stdout.flush()
-        with process_ends_within(exit_code):
+        with _process_ends_in_time(exit_code):
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
@@ -146,10 +147,9 @@ def _turn(executor: Any, node: SerdNode[Any]) -> None:
 #: Fast DDS 2.14 may never return from destroying a node: `DomainParticipant::set_listener` waits
 #: for callbacks of discovery with the lock for which these wait. Python's lock is held meanwhile:
 #: no thread and no signal handler of Python can act, a timer of the system can.
-#: Nodes are destroyed within this time, else the process ends without (ms).
-_DESTROYED_WITHIN_MS = 3000
+#: Nodes are destroyed within this time (s), else the process ends without.
+_DESTROYED_WITHIN_S = 3
 _CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
-_SIGEVENT_BYTES = 64
 
 
 class _Sigevent(ctypes.Structure):
@@ -158,24 +158,19 @@ class _Sigevent(ctypes.Structure):
     _fields_ = [
         ("value", ctypes.c_int64), ("signal", ctypes.c_int), ("notify", ctypes.c_int),
         ("function", ctypes.c_void_p), ("attributes", ctypes.c_void_p),
-        ("padding", ctypes.c_byte * (_SIGEVENT_BYTES - 32)),
+        ("padding", ctypes.c_byte * 32),
     ]  # fmt: skip
 
 
-class _Itimerspec(ctypes.Structure):
-    """`struct itimerspec`: period and time until the timer expires."""
-
-    _fields_ = [(name, ctypes.c_long) for name in ("period_s", "period_ns", "time_s", "time_ns")]
-
-
 @contextmanager
-def process_ends_within(exit_code: int, limit_ms: int = _DESTROYED_WITHIN_MS) -> Iterator[None]:
+def _process_ends_in_time(exit_code: int) -> Iterator[None]:
     """End the process with this code where what is done inside takes longer; nothing is flushed."""
     libc = ctypes.CDLL(None)
     end = ctypes.cast(libc._exit, ctypes.c_void_p)
     event = _Sigevent(value=exit_code, notify=_SIGEV_THREAD, function=end)
-    timer, time_s = ctypes.c_void_p(), divmod(limit_ms, 1000)
-    at = _Itimerspec(time_s=time_s[0], time_ns=time_s[1] * 1_000_000)
+    timer = ctypes.c_void_p()
+    # `struct itimerspec`: period and time until the timer expires, in s and ns each.
+    at = (ctypes.c_long * 4)(0, 0, _DESTROYED_WITHIN_S, 0)
     armed = not libc.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer))
     armed = armed and not libc.timer_settime(timer, 0, ctypes.byref(at), None)
     try:

@@ -1,24 +1,36 @@
-"""What every node of the stack has: one config, a clean end, its health on `diagnostics`."""
+"""What every node of the stack has: one config, endpoints, a clean end, health on `diagnostics`.
 
+Publishers, subscriptions, services and timers are rclpy's, made by its functions, and live and end
+together. What SERD adds to them stands here: no input makes a callback end the process
+(`callback_guard`), a subscription requests no more than its publishers offer, and frames have the
+names by which this robot's nodes know them.
+"""
+
+import inspect
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from typing import Any, ClassVar, Generic
+from functools import partial, wraps
+from typing import Any, ClassVar, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from pydantic import ValidationError
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle.node import LifecycleNodeMixin, LifecycleState
-from rclpy.lifecycle.node import TransitionCallbackReturn as _Result
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from serd_files.errors import USER_ERRORS
 from serd_files.moved_names import where_or_near
 from serd_files.settings import settings_of
 from serd_files.yaml_config import sentence_of
@@ -26,13 +38,17 @@ from serd_ros.convert.diagnostics import ERROR, OK, WARN, to_diagnostics
 from serd_ros.convert.frames import Frames
 from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.endpoints import Endpoints
 from serd_ros.errors import NodeError
 from serd_ros.process.callback_guard import CallbackGuard
-from serd_ros.settings import Config, ManagedConfig
+from serd_ros.settings import Config
 
 INTERNAL_ERROR, BAD_INPUT = 1, 2
 _LOOK_PERIOD_S = 1.0
+Made = TypeVar("Made")
+#: An event that waits while its endpoint is destroyed would end EventsExecutor.
+_NO_PUBLISHER_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
+_NO_EVENTS = SubscriptionEventCallbacks(use_default_callbacks=False)
+_CONFIRMED_WITHIN_S = 0.5
 
 
 class SerdNode(Node, Generic[Config]):
@@ -68,11 +84,9 @@ class SerdNode(Node, Generic[Config]):
         self.guard_services()
         self._guard_clock()
         self.add_post_set_parameters_callback(lambda _: self._guard_clock())
-        if isinstance(self.config, ManagedConfig):
-            self.lifecycle = Lifecycle(self)
 
     def configure(self) -> "Activate":
-        """Read and check what a managed node needs; returns what makes endpoints and begins."""
+        """Read and check what a managed node needs; `lifecycle` calls what it returns."""
         raise NotImplementedError
 
     def finish(self, exit_code: int = 0) -> None:
@@ -149,6 +163,194 @@ def _of_times(callback: Callable[[ClockMessage], None]) -> Callable[[ClockMessag
     return checked
 
 
+class Endpoints:
+    """Makes endpoints of a node; `close` destroys all that it made."""
+
+    def __init__(self, node: SerdNode[Any]) -> None:
+        self.node = node
+        self._ended = False
+        #: Each with what destroys it.
+        self._made: dict[Any, Callable[[Any], object]] = {}
+        #: What subscribes again with another quality of service.
+        self._follows: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
+
+    def _until_closed(self, guarded: Callable[..., Any]) -> Callable[..., Any]:
+        """The executor still calls what was due when its endpoint was destroyed."""
+
+        @wraps(guarded)
+        def called(*arguments: Any) -> Any:
+            return guarded(*arguments) if not self._ended else arguments and arguments[-1]
+
+        return called
+
+    def _keep(self, endpoint: Made, destroy: Callable[[Any], object]) -> Made:
+        self._made[endpoint] = destroy
+        return endpoint
+
+    def scope(self) -> "Endpoints":
+        """Endpoints that `destroy` ends before these, and that end with these."""
+        return self._keep(Endpoints(self.node), Endpoints.close)
+
+    def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Publisher:
+        """A publisher; one that lives as long as the node logs readers that request too much."""
+        node = self.node
+        events = None if self is node.endpoints else _NO_PUBLISHER_EVENTS
+        made = node.create_publisher(kind, topic, profile, event_callbacks=events)
+        return self._keep(made, node.destroy_publisher)
+
+    def subscribe(
+        self, kind: Any, topic: str, callback: Callable[..., None], profile: QoSProfile
+    ) -> None:
+        """Call back with each message, also where a publisher offers less than `profile`."""
+        if self.node.frames.prefix:
+            callback = self._without_prefix(callback)
+        make = partial(self._subscription, kind, topic, self.guarded(topic, callback))
+        self._follows[make(profile)] = make
+
+    def subscribe_raw(
+        self, kind: Any, topic: str, callback: Callable[..., None], profile: QoSProfile
+    ) -> Subscription:
+        """A subscription that calls back with bytes; it requests `profile` whatever is offered."""
+        return self._subscription(kind, topic, self.guarded(topic, callback), profile, raw=True)
+
+    def _subscription(
+        self, kind: Any, topic: str, guarded: Callable[..., None], profile: QoSProfile, **raw: bool
+    ) -> Subscription:
+        made = self.node.create_subscription(
+            kind, topic, guarded, profile, event_callbacks=_NO_EVENTS, **raw
+        )
+        return self._keep(made, self.node.destroy_subscription)
+
+    def _without_prefix(self, callback: Callable[..., None]) -> Callable[..., None]:
+        @wraps(callback)
+        def renamed(message: Any, *info: object) -> None:
+            self.node.frames.remove_prefix(message)
+            callback(message, *info)
+
+        return renamed
+
+    def every(
+        self, period_s: float, callback: Callable[[], None], *, autostart: bool = True
+    ) -> Timer:
+        """A timer of steady wall time."""
+        node = self.node
+        guarded = self._until_closed(node.callbacks.of_timer(callback))
+        made = node.create_timer(period_s, guarded, clock=node.wall_clock, autostart=autostart)
+        return self._keep(made, node.destroy_timer)
+
+    def serve(self, kind: Any, name: str, answer: Callable[[Any], str]) -> None:
+        """Serve a Trigger or SetBool.
+
+        answer: returns the message, or raises a SerdError, the message of a response without
+        success. No response is sent once its client or this service is gone (`run_node`).
+        """
+
+        def respond(request: Any, response: Any) -> Any:
+            response.success, response.message = True, answer(request)
+            return response
+
+        node = self.node
+        guarded = self._until_closed(node.callbacks.of_requests(name, respond))
+        self._keep(node.create_service(kind, name, guarded), node.destroy_service)
+
+    def client(self, kind: Any, name: str) -> Client:
+        """The client of a service."""
+        return self._keep(self.node.create_client(kind, name), self.node.destroy_client)
+
+    def guarded(self, topic: str, callback: Callable[..., None]) -> Callable[..., None]:
+        """A callback of messages that raises nothing, and does nothing after `close`."""
+        return self._until_closed(self.node.callbacks.of_messages(topic, callback))
+
+    def destroy(self, endpoint: Any) -> None:
+        """Destroy an endpoint or a scope before the others."""
+        self._follows.pop(endpoint, None)
+        self._made.pop(endpoint)(endpoint)
+
+    def close(self) -> None:
+        """Destroy all, once what was published has arrived."""
+        self._ended = True
+        confirm(each for each in self._made if isinstance(each, Publisher))
+        while self._made:
+            self.destroy(next(reversed(self._made)))
+
+    def matching(
+        self,
+        subscription: Subscription,
+        offered: Sequence[QoSProfile],
+        make: Callable[[QoSProfile], Subscription],
+        take: Callable[[Any, Mapping[str, int]], None],
+    ) -> list[Subscription]:
+        """The subscription, or what matches all publishers in its place, the one to follow last.
+
+        A latched one stays where some publishers are volatile, with a volatile one beside it; any
+        other is replaced. take: called with each message that waits in it then, and its info.
+        """
+        requested = subscription.qos_profile
+        profile = qos.less_demanding(requested, qos.common_qos(offered))
+        if not offered or profile is requested:
+            return [subscription]
+        stays = qos.is_latched(requested) and any(map(qos.is_latched, offered))
+        if stays and not qos.is_latched(profile):
+            return [subscription, make(profile)]
+        self.end(subscription, take)
+        return [make(profile)]
+
+    def end(
+        self, subscription: Subscription, take: Callable[[Any, Mapping[str, int]], None]
+    ) -> None:
+        """Destroy a subscription, once `take` was called with each message that waits in it."""
+        for message, info in waiting_messages(subscription):
+            take(message, info)
+        self.destroy(subscription)
+
+    def follow_publishers(self) -> None:
+        """Request less where a publisher does not offer what a subscription requests."""
+        for scope in [each for each in self._made if isinstance(each, Endpoints)]:
+            scope.follow_publishers()
+        for subscription, make in list(self._follows.items()):
+            topic, callback = subscription.topic_name, subscription.callback
+            offered = [each.qos_profile for each in self.node.get_publishers_info_by_topic(topic)]
+            takes_info = len(inspect.signature(callback).parameters) == 2
+            take = callback if takes_info else lambda message, _, call=callback: call(message)
+            *_, newest = self.matching(subscription, offered, make, take)
+            if newest is not subscription:
+                self._follows.pop(subscription, None)
+                self._follows[newest] = make
+                profile = newest.qos_profile
+                self.node.get_logger().info(
+                    f"{topic}: received as its publishers offer it,"
+                    f" {profile.reliability.name.lower()} and {profile.durability.name.lower()}"
+                )
+
+
+def confirm(publishers: Iterable[Publisher]) -> None:
+    """Wait for 0.5 s in all until the last messages have arrived, which else may be dropped."""
+    end_s = time.monotonic() + _CONFIRMED_WITHIN_S
+    for each in publishers:
+        each.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic())))
+
+
+def waiting_messages(subscription: Subscription) -> Iterator[tuple[Any, Mapping[str, int]]]:
+    """The messages that wait, with their info; works until the node is destroyed."""
+    raw = bool(subscription.raw)
+    while (found := subscription.handle.take_message(subscription.msg_type, raw)) is not None:
+        yield bytes(found[0]) if raw else found[0], found[1]
+
+
+class Activity:
+    """The work of an active node: made at its activation, dropped at its deactivation."""
+
+    def deactivate(self) -> None:
+        """End the work; the process goes on, and the endpoints are destroyed afterwards."""
+        self.close()
+
+    def close(self) -> None:
+        """End the work; the process ends."""
+
+
+#: Makes endpoints and begins to work.
+Activate = Callable[[Endpoints], Activity]
+
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
@@ -192,109 +394,3 @@ def validated(kind: str, given: Mapping[str, Any], config_class: type[Config]) -
 def plain(value: Any) -> Any:
     """The value of a parameter, a sequence as a list."""
     return list(value) if isinstance(value, (list, tuple)) or hasattr(value, "tolist") else value
-
-
-class Activity:
-    """The work of an active node: made at its activation, dropped at its deactivation."""
-
-    def deactivate(self) -> None:
-        """End the work; the process goes on, and the endpoints are destroyed afterwards."""
-        self.close()
-
-    def close(self) -> None:
-        """End the work; the process ends."""
-
-
-#: Makes endpoints and begins to work.
-Activate = Callable[[Endpoints], Activity]
-
-
-class Lifecycle(LifecycleNodeMixin):
-    """Brings a node up."""
-
-    def __init__(self, node: SerdNode[Any]) -> None:
-        self.activity, self._node = Activity(), node
-        self._activate: Activate | None = None
-        self._endpoints: Endpoints | None = None
-        node.at_end.callback(self._close)
-        if not node.config.managed:
-            self._activate = node.configure()
-            self._make_activity()
-            return
-        # What the mixin uses of a node that derives from it.
-        self.handle, self._services = node.handle, node._services
-        self.default_callback_group = node.default_callback_group
-        super().__init__()
-        node.guard_services()
-        node.get_logger().info("unconfigured: waiting for a lifecycle manager")
-
-    def on_configure(self, _: LifecycleState) -> _Result:
-        """Make what the node needs; a refusal leaves it unconfigured."""
-        return self._rise("configure", self._configure, self._clean_up)
-
-    def on_activate(self, _: LifecycleState) -> _Result:
-        """Begin to work; a refusal leaves the node inactive."""
-        return self._rise("activate", self._make_activity, self._drop_activity)
-
-    def on_deactivate(self, _: LifecycleState) -> _Result:
-        """End the work; after an error in it the node is unconfigured."""
-        return self._fall("deactivate", self.activity.deactivate, self._drop_activity)
-
-    def on_cleanup(self, _: LifecycleState) -> _Result:
-        """Free what was configured."""
-        return self._fall("cleanup", self._clean_up)
-
-    def on_shutdown(self, _: LifecycleState) -> _Result:
-        """End the work and free everything; the process goes on until a signal."""
-        return self._fall("shutdown", self._close, self._clean_up)
-
-    def on_error(self, _: LifecycleState) -> _Result:
-        """Free everything, so that the node can be configured again."""
-        self._clean_up()
-        return _Result.SUCCESS
-
-    def _configure(self) -> None:
-        self._node.frames = Frames(getattr(self._node.config, "frame_prefix", ""))
-        self._activate = self._node.configure()
-
-    def _make_activity(self) -> None:
-        assert self._activate is not None
-        self._endpoints = self._node.endpoints.scope()
-        self.activity = self._activate(self._endpoints)
-
-    def _drop_activity(self) -> None:
-        endpoints, self._endpoints, self.activity = self._endpoints, None, Activity()
-        if endpoints is not None:
-            self._node.endpoints.destroy(endpoints)
-
-    def _clean_up(self) -> None:
-        self._drop_activity()
-        self._activate = None
-
-    def _close(self) -> None:
-        self.activity.close()
-
-    def _rise(
-        self, transition: str, make: Callable[[], None], take_back: Callable[[], None]
-    ) -> _Result:
-        result = self._result_of(transition, make)
-        if result == _Result.FAILURE:
-            take_back()
-        return result
-
-    def _fall(self, transition: str, *steps: Callable[[], None]) -> _Result:
-        """Every step is made, whatever those before it did."""
-        results = [self._result_of(transition, step) for step in steps]
-        is_done = all(each == _Result.SUCCESS for each in results)
-        return _Result.SUCCESS if is_done else _Result.ERROR
-
-    def _result_of(self, transition: str, step: Callable[[], None]) -> _Result:
-        try:
-            step()
-        except USER_ERRORS as error:
-            self._node.get_logger().error(f"{transition} refused: {error}")
-            return _Result.FAILURE
-        except Exception as error:
-            self._node.callbacks.note(transition, step, error)
-            return _Result.ERROR
-        return _Result.SUCCESS

@@ -3,12 +3,10 @@
 import json
 import os
 from collections.abc import Callable
-from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,8 +31,6 @@ from serd_files.model_file import load_model
 from serd_files.table import (
     EpisodeResult,
     RowTable,
-    append_row,
-    columns_of,
     load_episodes,
     read_rows,
     write_rows,
@@ -59,20 +55,13 @@ from support.fuzzing import (
 _ROOT = Path(__file__).resolve().parents[2]
 _CORRIDOR = load_scenario("corridor")
 _GRID = grid_of(_CORRIDOR)
+_PLACE = {"scenario": "corridor", "grid_fingerprint": "0", "patience_s": 4.0, "wait_s": 1.0}
 _MODELS: dict[str, StrictModel] = {
     "scenario": _CORRIDOR,
     "mapping": BagMapping(longest_gap_s=1.0),
     "map": MapFile(image="map.pgm", resolution=0.05, origin=(0.0, 0.0, 0.0)),
-    "checkpoint": LearnerCheckpoint(
-        scenario="corridor",
-        grid_fingerprint="0",
-        patience_s=4.0,
-        wait_s=1.0,
-        reward_weights={"goal": 1.0},
-    ),
-    "demonstrations": DemonstrationRecord(
-        scenario="corridor", grid_fingerprint="0", patience_s=4.0, wait_s=1.0
-    ),
+    "checkpoint": LearnerCheckpoint(**_PLACE, reward_weights={"goal": 1.0}),
+    "demonstrations": DemonstrationRecord(**_PLACE),
     "begun_drive": BegunDrive(model="model.yaml", model_digest="0", scenario_digest="0"),
     "demo": DemoSettings(),
 }
@@ -119,10 +108,9 @@ def _save_episodes(path: Path) -> None:
 
 
 def _save_arrivals(path: Path) -> None:
-    for number in range(3):
-        measured = (1.0, 2.0, 3.0, 4.0, 1.0)
-        row = ArrivalRow(number, 3, 0.0, 0.5, 9.0, 1.0, "m", "arrived", "", *measured)
-        append_row(path, columns_of(ArrivalRow), astuple(row))
+    measured = (1.0, 2.0, 3.0, 4.0, 1.0)
+    row = ArrivalRow(1, 3, 0.0, 0.5, 9.0, 1.0, "m", "arrived", "", *measured)
+    write_rows(path, ArrivalRow, [row] * 3)
 
 
 def _save_rows(path: Path) -> None:
@@ -131,9 +119,8 @@ def _save_rows(path: Path) -> None:
 
 
 def _save_tracks(path: Path) -> None:
-    table = pd.DataFrame([(n % 2, n / 5, 0.5 * n, 1.0) for n in range(12)], columns=[*"itxy"])
-    table = table.rename(columns={"i": "id"})
-    table.to_csv(path, index=False)
+    lines = (f"{n % 2},{n / 5},{0.5 * n},1.0\n" for n in range(12))
+    path.write_text(f"id,t,x,y\n{''.join(lines)}")
 
 
 def _save_unnamed_tracks(path: Path) -> None:

@@ -28,7 +28,7 @@ from serd_ros.nodes.hallway_sim import HallwaySim
 from serd_ros.nodes.teleop_page import TeleopPageNode
 from serd_sim.episodes.episode import EpisodeStart
 from support.message_mutations import mutated, mutated_cdr
-from support.nodes_in_process import NodeInProcess, deliver, node_in_process
+from support.nodes_in_process import NodeInProcess, deliver, needed_parameters, node_in_process
 from support.people_messages import DETECTIONS, PEOPLE, TRACKED, PeopleMessages
 from support.valid_messages import valid_message
 from support.waiting import wait_until
@@ -55,17 +55,11 @@ VARIANTS: dict[str, list[dict[str, object]]] = {
         {"lockstep": True, "required_nodes": [""]},
         {**OWN_ROBOT, "pose_from": "tf"},
     ],
-    "people_tracker": [
-        {},
-        {"pose_from": "tf", "stamp_tolerance_s": 0.1},
-    ],
+    "people_tracker": [{}, {"pose_from": "tf", "stamp_tolerance_s": 0.1}],
     "guard": [{"lockstep": False}, {"lockstep": True, "required_nodes": [""]}],
     "scripted_expert": [{"episodes": 1_000_000}],
     "strategy": [{"episodes": 1_000_000, "reset": reset} for reset in (True, False)[: 1 + IS_FUZZ]],
     "teleop_mux": [{"use_sim_time": True}, {"stamped_cmd_vel": True}],
-    "teleop_page": [{"port": 0}],
-    "watch_page": [{"port": 0}],
-    "demo_recorder": [{}],
     "learner": [{"learn_on": "call"}],
     "nav2_bridge": [{}, {"mode": "through_poses"}],
 }
@@ -95,9 +89,7 @@ class Session:
         if topic == "model":
             yield subscription.msg_type(data=self._model)
             return
-        yield valid_message(
-            topic.replace("cmd_vel_planner", "cmd_vel"), time_s, subscription.msg_type
-        )
+        yield valid_message(topic, time_s, subscription.msg_type)
         if topic == "episode":
             mark = EpisodeMark("end", time_s, 1, "scripted_expert", 0, "train", "arrived")
             yield to_episode_message(mark)
@@ -108,10 +100,8 @@ class Session:
         if runner := getattr(self.running.work, "runner", None):
             runner._starter._look.cancel()
             if not runner.driving:
-                start = EpisodeStart(
-                    episode=0, seed=0, start_area="train", start_s=self._time_s - TICK_S
-                )
-                runner._starter.begin(start)
+                place = {"episode": 0, "seed": 0, "start_area": "train"}
+                runner._starter.begin(EpisodeStart(**place, start_s=self._time_s - TICK_S))
         if isinstance(node, TeleopPageNode):
             node.choice.hold(None)
             node.choice.hold(Action.NORTH)
@@ -166,10 +156,7 @@ class Session:
 def follow_tf(running: NodeInProcess) -> None:
     """Let the node subscribe to /tf, which it does where there is a publisher."""
     running.node.create_publisher(TopicType(TF_TYPE).message, topics.TF, qos.TF)
-    wait_until(
-        lambda: any(each.topic_name == "/tf" for each in running.node.subscriptions),
-        turn=running.call_timers,
-    )
+    wait_until(lambda: running.subscriptions("tf"), turn=running.call_timers)
 
 
 def memory_mb() -> float:
@@ -196,12 +183,8 @@ def raising(guard) -> None:
 @pytest.mark.parametrize(("kind", "parameters"), CASES)
 def test_no_message_ends_a_node_or_fails_in_it(kind, parameters, tmp_path, save_model_of):
     model = save_model_of()
-    given = {
-        "strategy": {"model": str(model)},
-        "learner": {"output": str(tmp_path / "learned.yaml")},
-        "demo_recorder": {"output": str(tmp_path / "bag")},
-    }
-    with node_in_process(kind, **parameters, **given.get(kind, {})) as running:
+    given = needed_parameters(tmp_path, model).get(kind, {}) | parameters
+    with node_in_process(kind, **given) as running:
         raising(running.node.callbacks)
         if parameters.get("pose_from") == "tf":
             follow_tf(running)

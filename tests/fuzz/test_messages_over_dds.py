@@ -28,10 +28,9 @@ def test_bytes_that_are_no_message_end_no_node():
         executor.add_node(running.node)
         types = {each.topic_name: each.msg_type for each in running.node.subscriptions}
         latched = ("/e_stop_engaged", "/model")
+        profiles = {topic: qos.LATCHED if topic in latched else qos.STATE for topic in types}
         publishers = {
-            topic: sender.create_publisher(
-                kind, topic, qos.LATCHED if topic in latched else qos.STATE
-            )
+            topic: sender.create_publisher(kind, topic, profiles[topic])
             for topic, kind in types.items()
         }
 

@@ -35,18 +35,22 @@ def all_commands():
     return found
 
 
+IMPORTING = """
+import sys
+from serd_cli.main import main
+libraries = sys.argv[1:]
+for line in sys.stdin.read().split("\\n"):
+    sys.argv[1:] = line.split()
+    try: main()
+    except SystemExit: pass
+    print(line, [name for name in libraries if name in sys.modules], file=sys.stderr)
+"""
+
+
 def importing(lines, libraries):
     """Those of the command lines, run in one process, by which a library was imported."""
-    program = (
-        "import sys\n"
-        "from serd_cli.main import main\n"
-        f"for line in {list(lines)}:\n"
-        "    sys.argv[1:] = line.split()\n"
-        "    try: main()\n"
-        "    except SystemExit: pass\n"
-        f"    print(line, [name for name in {libraries} if name in sys.modules], file=sys.stderr)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    words = [sys.executable, "-c", IMPORTING, *libraries]
+    done = subprocess.run(words, input="\n".join(lines), capture_output=True, text=True)
     return [line for line in lines if f"{line} []" not in done.stderr.splitlines()]
 
 
@@ -148,7 +152,7 @@ def app_with(given):
     return app
 
 
-def test_every_setting_is_an_option_with_its_default():
+def test_every_setting_is_an_option_with_its_default_and_those_of_lists_are_repeated():
     given = {}
     assert CliRunner().invoke(app_with(given), []).exit_code == 0
     assert (given.pop("output"), given.pop("seed")) == ("here", 7)
@@ -156,14 +160,9 @@ def test_every_setting_is_an_option_with_its_default():
     assert validated(LearningSettings, **given) == LearningSettings()
     with pytest.raises(UsageError, match="discount must be less than 1, got 1"):
         validated(LearningSettings, discount=1.0)
-
-
-def test_options_of_lists_are_repeated_and_have_the_given_flag():
-    given = {}
     line = ["--prior-weight", "2", "--prior-weight", "3", "--reirl-smoothing", "0.5"]
     assert CliRunner().invoke(app_with(given), line).exit_code == 0
-    assert given["prior_weights"] == [2.0, 3.0]
-    assert given["reirl_smoothing"] == [0.5]
+    assert (given["prior_weights"], given["reirl_smoothing"]) == ([2.0, 3.0], [0.5])
 
 
 def test_progress_without_a_terminal_is_a_line_every_half_minute_and_else_a_bar(
@@ -177,11 +176,8 @@ def test_progress_without_a_terminal_is_a_line_every_half_minute_and_else_a_bar(
         for done in range(1, 7):
             now_s[0] += 11.0
             bar.update(task, completed=done)
-        lines = capsys.readouterr().err.split("\n")
-    assert [text for line in lines if (text := line.strip())] == [
-        "episodes 3 of 9",
-        "episodes 6 of 9",
-    ]
+        lines = map(str.strip, capsys.readouterr().err.splitlines())
+    assert list(filter(None, lines)) == ["episodes 3 of 9", "episodes 6 of 9"]
     capsys.readouterr()
     monkeypatch.setattr(terminal.progress_console, "_force_terminal", True)
     now_s[0] += 60.0
@@ -201,7 +197,9 @@ _SLOW = "import time\nprint('importing', flush=True)\nwhile True:\n    time.slee
         ("rclpy", ["serd_ros.process.executable", "hallway_sim"]),
     ],
 )
-def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
+def test_ctrl_c_during_an_import_ends_quietly_and_is_then_what_it_was_before(
+    root, tmp_path, library, words
+):
     (tmp_path / f"{library}.py").write_text(_SLOW)
     path = f"{tmp_path}{os.pathsep}{os.getenv('PYTHONPATH', root)}"
     words, pipe = [sys.executable, "-m", *words], subprocess.PIPE
@@ -212,9 +210,6 @@ def test_ctrl_c_during_an_import_ends_quietly(root, tmp_path, library, words):
         _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert errors == ""
-
-
-def test_afterwards_ctrl_c_is_what_it_was_before():
     before = signal.getsignal(signal.SIGINT)
     with starting():
         assert signal.getsignal(signal.SIGINT) is not before

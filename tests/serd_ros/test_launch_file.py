@@ -37,12 +37,11 @@ class Configuration(Kept):
         return context.launch_configurations[self.words[0]]
 
 
-def context_of(launch_file, **given):
-    """As launch makes it of the arguments, with what was not given as the file declares it."""
-    names = dict.fromkeys(
-        (*launch_file["OWN"], *launch_file["descriptions"](load_graph().nodes)), ""
-    )
-    return SimpleNamespace(launch_configurations=names | given)
+def started_by(launch_file, **given):
+    """What nodes get by name; launch looks up what is not given as the file declares it."""
+    names = *launch_file["OWN"], *launch_file["descriptions"](load_graph().nodes)
+    context = SimpleNamespace(launch_configurations=dict.fromkeys(names, "") | given)
+    return {each.named["name"]: each.named for each in launch_file["nodes_of_stack"](context)}
 
 
 @pytest.fixture
@@ -55,44 +54,35 @@ def installed(root, tmp_path):
 
 @pytest.fixture
 def launch_file(installed, monkeypatch):
-    names = {
-        "launch": {"LaunchDescription": Kept},
-        "launch.actions": dict.fromkeys(
-            ("DeclareLaunchArgument", "EmitEvent", "OpaqueFunction"), Kept
-        ),
-        "launch.events": {"Shutdown": Kept},
-        "launch.substitutions": {"LaunchConfiguration": Configuration},
-        "launch_ros": {},
-        "launch_ros.actions": {"Node": Kept},
-    }
-    for name, content in names.items():
-        module = ModuleType(name)
-        module.__dict__.update(content)
-        monkeypatch.setitem(sys.modules, name, module)
+    names = "LaunchDescription DeclareLaunchArgument EmitEvent OpaqueFunction Shutdown Node"
+    everything = dict.fromkeys(names.split(), Kept) | {"LaunchConfiguration": Configuration}
+    for part in ("", ".actions", ".events", ".substitutions"):
+        for name in (f"launch{part}", f"launch_ros{part}"):
+            module = ModuleType(name)
+            module.__dict__.update(everything)
+            monkeypatch.setitem(sys.modules, name, module)
     return runpy.run_path(str(installed / "serd.launch.py"))
 
 
 def test_a_stack_starts_its_nodes_with_the_parameters_of_the_graph_and_its_remappings(launch_file):
-    nodes = launch_file["nodes_of_stack"](context_of(launch_file, stack="demonstrate", seed="7"))
+    started = started_by(launch_file, stack="demonstrate", seed="7")
     expected = stack_parameters(find_stack("demonstrate"), {"seed": 7})
-    assert {node.named["executable"]: node.named["parameters"] for node in nodes} == {
-        name: [parameters] for name, parameters in expected.items()
-    }
-    assert {node.named["package"] for node in nodes} == {"serd_ros"}
-    nodes = launch_file["nodes_of_stack"](context_of(launch_file, stack="teleop"))
-    remapped = {node.named["executable"]: node.named["remappings"] for node in nodes}
+    for name, named in started.items():
+        assert (named["package"], named["parameters"]) == ("serd_ros", [expected.pop(name)])
+    assert not expected
+    teleop = started_by(launch_file, stack="teleop")
+    remapped = {name: named["remappings"] for name, named in teleop.items()}
     assert remapped.pop("local_planner") == [("cmd_vel_raw", "cmd_vel_planner")]
     assert not any(remapped.values())
 
 
 def test_a_file_of_parameters_overrides_the_stack_and_arguments_override_the_file(launch_file):
     given = {"params_file": "robot.yaml", "use_sim_time": "true", "hallway_sim.seed": "7"}
-    nodes = launch_file["nodes_of_stack"](context_of(launch_file, stack="live", **given))
-    layers = {each.named["name"]: each.named["parameters"] for each in nodes}
-    stack, *rest = layers["hallway_sim"]
+    started = started_by(launch_file, stack="live", **given)
+    stack, *rest = started["hallway_sim"]["parameters"]
     assert stack["seed"] == 7
     assert rest == ["robot.yaml", {"seed": 7}, {"use_sim_time": True}]
-    assert layers["guard"][1:] == ["robot.yaml", {}, {"use_sim_time": True}]
+    assert started["guard"]["parameters"][1:] == ["robot.yaml", {}, {"use_sim_time": True}]
 
 
 def description_of(installed, name):

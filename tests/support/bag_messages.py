@@ -82,11 +82,17 @@ class Messages:
         self, time_s: float, parent: str, child: str, x: float, y: float, yaw_rad: float = 0.0
     ) -> bytes:
         """A TFMessage of one transform."""
-        turn = {"z": math.sin(yaw_rad / 2), "w": math.cos(yaw_rad / 2)}
-        moved = {"translation": {"x": x, "y": y}, "rotation": turn}
-        header = self.header(time_s, parent)
-        joint = {"header": header, "child_frame_id": child, "transform": moved}
-        return self.filled(TF, transforms=[joint])
+        return self.transforms((parent, child, (x, y, yaw_rad), time_s))
+
+    def transforms(self, *placed: tuple[str, str, tuple[float, float, float], float]) -> bytes:
+        """A TFMessage of (parent, child, (x, y, yaw), time_s)."""
+        joints = []
+        for parent, child, (x, y, yaw_rad), time_s in placed:
+            turn = {"z": math.sin(yaw_rad / 2), "w": math.cos(yaw_rad / 2)}
+            moved = {"translation": {"x": x, "y": y}, "rotation": turn}
+            header = self.header(time_s, parent)
+            joints.append({"header": header, "child_frame_id": child, "transform": moved})
+        return self.filled(TF, transforms=joints)
 
 
 def filled(store: Typestore, type_name: str, given: Any) -> Any:

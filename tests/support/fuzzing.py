@@ -54,36 +54,44 @@ CSV_PIECES = (
     "none", "north", "arrived", "a", "None", "True", "<NA>", "1e18", "-9223372036854775809",
 )  # fmt: skip
 
-Edit = tuple[str, int, int, str]
+#: Most elements that an edit removes or repeats.
+_MOST = 40
 
 
 def mutated_text(valid: str, pieces: Sequence[str]) -> st.SearchStrategy[str]:
-    """The text with up to six of its words removed, repeated, exchanged or replaced."""
-    edit = st.tuples(
-        st.sampled_from(("replace", "insert", "remove", "repeat", "exchange", "cut")),
-        st.integers(0, 2**16),
-        st.integers(0, 2**16),
+    """The text with up to six of its words removed, repeated, replaced or cut off."""
+    new = (
         st.sampled_from(pieces)
         | st.text(max_size=8)
         | st.floats().map(str)
-        | st.integers().map(str),
+        | st.integers().map(str)
     )
     words = re.split(r"([\s,:\[\]{}#'\"]+)", valid)
-    return st.lists(edit, min_size=1, max_size=6).map(lambda edits: "".join(_edited(words, edits)))
+    return _mutated(words, st.lists(new, max_size=2)).map("".join)
 
 
 def mutated_bytes(valid: bytes) -> st.SearchStrategy[bytes]:
-    """The bytes with up to six places overwritten, inserted or cut out."""
-    edit = st.tuples(st.integers(0, 2**16), st.integers(0, 16), st.binary(max_size=16))
+    """The bytes with up to six places overwritten, inserted, repeated or cut out."""
+    return _mutated(valid, st.binary(max_size=16)) | st.binary(max_size=64)
 
-    def edited(edits: Sequence[tuple[int, int, bytes]]) -> bytes:
+
+def _mutated(valid: Any, new: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """A sequence with up to six slices replaced by new elements, or by others of its own."""
+    place = st.integers(0, 2**16)
+    length = st.integers(0, 4) | st.integers(0, _MOST) | st.just(2**16)
+
+    def edited(edits: Sequence[tuple[int, int, Any]]) -> Any:
         content = valid
-        for place, length, new in edits:
-            start = place % (len(content) + 1)
-            content = content[:start] + new + content[start + length :]
+        for first, n_removed, inserted in edits:
+            start = first % (len(content) + 1)
+            if isinstance(inserted, int):
+                other = inserted % (len(content) + 1)
+                inserted = content[other : other + 1 + inserted % _MOST]
+            content = content[:start] + inserted + content[start + n_removed :]
         return content
 
-    return st.lists(edit, min_size=1, max_size=6).map(edited) | st.binary(max_size=64)
+    edits = st.lists(st.tuples(place, length, new | place), min_size=1, max_size=6)
+    return edits.map(edited)
 
 
 def mutated_yaml(valid: str) -> st.SearchStrategy[str]:
@@ -133,25 +141,6 @@ def _bounded() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
         signal.signal(signal.SIGPROF, previous)
-
-
-def _edited(words: Sequence[str], edits: Sequence[Edit]) -> list[str]:
-    found = list(words)
-    for kind, first, second, new in edits:
-        here, there = first % (len(found) + 1), second % (len(found) + 1)
-        if kind == "insert" or here == len(found):
-            found.insert(here, new)
-        elif kind == "replace":
-            found[here] = new
-        elif kind == "remove":
-            del found[here : here + 1 + second % 4]
-        elif kind == "repeat":
-            found[here:here] = found[here : here + 1 + second % 40]
-        elif kind == "exchange" and there < len(found):
-            found[here], found[there] = found[there], found[here]
-        else:
-            del found[here:]
-    return found
 
 
 def _changed(values: Any, edits: Sequence[tuple[int, str, Any]]) -> Any:

@@ -1,34 +1,19 @@
-"""MCAP files in all forms of the format's specification, written record by record.
+"""MCAP files in all forms of the format's specification, by the official writer.
 
 Named as in the conformance tests of the format: what a file holds, and which optional parts it has.
 """
 
-import zlib
 from collections.abc import Iterator
 from enum import Flag, auto
-from itertools import chain
+from functools import reduce
+from io import BytesIO
+from operator import or_
+from unittest.mock import patch
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Message,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
+from mcap.writer import CompressionType, IndexType, Writer
 
 _EXTRA = b"\x01\xff\xff"
 _SCHEMA = Schema(1, b"int32 a", "ros2msg", "Example")
@@ -85,114 +70,68 @@ def variants() -> Iterator[tuple[str, Feature]]:
         for first in of_messages if Message in kinds else (Feature.NONE,):
             for number in range(2 ** len(optional)):
                 chosen = (each for bit, each in enumerate(optional) if number >> bit & 1)
-                yield name, sum_of(chain([first], chosen))
+                yield name, reduce(or_, chosen, first)
 
 
-def sum_of(features: Iterator[Feature]) -> Feature:
-    """All of them."""
-    found = Feature.NONE
-    for each in features:
-        found |= each
-    return found
+_INDEXES = {
+    Feature.MESSAGE_INDEX: IndexType.MESSAGE,
+    Feature.CHUNK_INDEX: IndexType.CHUNK,
+    Feature.ATTACHMENT_INDEX: IndexType.ATTACHMENT,
+    Feature.METADATA_INDEX: IndexType.METADATA,
+}
+
+
+class _Extended(RecordBuilder):
+    """Writes extra data at the end of records, which readers must ignore; messages have no end."""
+
+    def finish_record(self) -> None:
+        opcode = self._buffer.getvalue()[self._record_start_offset]
+        if opcode not in (Opcode.MESSAGE, Opcode.FOOTER):
+            self.write(_EXTRA)
+        super().finish_record()
 
 
 def mcap_file(records: list[McapRecord], features: Feature, *, checksums: bool = True) -> bytes:
     """A file with these records and features."""
-    return _File(features, checksums).content(records)
+    builder = _Extended if Feature.EXTRA_DATA in features else RecordBuilder
+    stream, indexes = BytesIO(), (each for has, each in _INDEXES.items() if has in features)
+    with (
+        patch("mcap.writer.RecordBuilder", builder),
+        patch("mcap._chunk_builder.RecordBuilder", builder),
+    ):
+        writer = Writer(
+            stream,
+            compression=CompressionType.NONE,
+            index_types=reduce(or_, indexes, IndexType.NONE),
+            repeat_channels=Feature.REPEATED_CHANNELS in features,
+            repeat_schemas=Feature.REPEATED_SCHEMAS in features,
+            use_chunking=Feature.CHUNKS in features,
+            use_statistics=Feature.STATISTICS in features,
+            use_summary_offsets=Feature.SUMMARY_OFFSET in features,
+            enable_crcs=checksums,
+            enable_data_crcs=checksums,
+        )
+        writer.start(library="")
+        for each in records:
+            _add(writer, each)
+        writer.finish()
+    return stream.getvalue()
 
 
-class _File:
-    def __init__(self, features: Feature, checksums: bool) -> None:
-        self._features, self._checksums = features, checksums
-        self._summary: dict[int, list[McapRecord]] = {}
-        self._statistics = Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0)
-
-    def content(self, records: list[McapRecord]) -> bytes:
-        data = MCAP0_MAGIC + self._encoded(Header("", ""))
-        in_chunk = (Schema, Channel, Message) if Feature.CHUNKS in self._features else ()
-        chunked = [record for record in records if isinstance(record, in_chunk)]
-        if chunked:
-            data += self._chunk(chunked, len(data))
-        for record in records:
-            self._count(record)
-            if record not in chunked:
-                encoded = self._encoded(record)
-                self._index(record, len(data), len(encoded))
-                data += encoded
-        return data + self._end(data)
-
-    def _chunk(self, records: list[McapRecord], offset: int) -> bytes:
-        content, index = b"", MessageIndex(1, [])
-        for record in records:
-            if isinstance(record, Message):
-                index.records.append((record.log_time, len(content)))
-            content += self._encoded(record)
-        times = [time for time, _ in index.records]
-        checksum = zlib.crc32(content) if self._checksums else 0
-        chunk = self._encoded(Chunk("", content, max(times), min(times), checksum, len(content)))
-        indexes = self._encoded(index) if Feature.MESSAGE_INDEX in self._features else b""
-        places = {1: offset + len(chunk)} if indexes else {}
-        self._add(Feature.CHUNK_INDEX, ChunkIndex(
-            len(chunk), offset, "", len(content), max(times), len(indexes), places, min(times),
-            len(content)))  # fmt: skip
-        self._statistics.chunk_count += 1
-        return chunk + indexes
-
-    def _count(self, record: McapRecord) -> None:
-        found = self._statistics
-        if isinstance(record, Message):
-            first = found.message_start_time if found.message_count else record.log_time
-            found.message_start_time = first
-            found.message_end_time = record.log_time
-            found.message_count += 1
-            found.channel_message_counts[1] = found.message_count
-        found.schema_count += isinstance(record, Schema)
-        found.channel_count += isinstance(record, Channel)
-        found.attachment_count += isinstance(record, Attachment)
-        found.metadata_count += isinstance(record, Metadata)
-
-    def _index(self, record: McapRecord, offset: int, length: int) -> None:
-        if isinstance(record, Attachment):
-            self._add(Feature.ATTACHMENT_INDEX, AttachmentIndex(
-                offset, length, record.log_time, record.create_time, len(record.data),
-                record.name, record.media_type))  # fmt: skip
-        elif isinstance(record, Metadata):
-            self._add(Feature.METADATA_INDEX, MetadataIndex(offset, length, record.name))
-
-    def _add(self, feature: Feature, record: McapRecord) -> None:
-        """Put a record into the summary, where it has such records."""
-        if feature in self._features:
-            self._summary.setdefault(self._encoded(record)[0], []).append(record)
-
-    def _end(self, data: bytes) -> bytes:
-        data_end = self._encoded(DataEnd(zlib.crc32(data) if self._checksums else 0))
-        start = len(data) + len(data_end)
-        for record in CONTENTS["TenMessages"][:2] if self._statistics.schema_count else ():
-            kind = isinstance(record, Schema)
-            self._add(Feature.REPEATED_SCHEMAS if kind else Feature.REPEATED_CHANNELS, record)
-        if self._statistics.channel_count and not self._statistics.schema_count:
-            self._add(Feature.REPEATED_CHANNELS, CONTENTS["OneSchemalessMessage"][0])
-        self._add(Feature.STATISTICS, self._statistics)
-        summary, offsets = b"", []
-        for opcode, records in self._summary.items():
-            group = b"".join(map(self._encoded, records))
-            offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
-            summary += group
-        offset_start = 0
-        if Feature.SUMMARY_OFFSET in self._features and offsets:
-            offset_start = start + len(summary)
-            summary += b"".join(map(self._encoded, offsets))
-        footer = encoded(Footer(start if summary else 0, offset_start, 0))
-        checksum = zlib.crc32(summary + footer[:-4]) if self._checksums else 0
-        return data_end + summary + footer[:-4] + checksum.to_bytes(4, "little") + MCAP0_MAGIC
-
-    def _encoded(self, record: McapRecord) -> bytes:
-        """With extra data at the end, which a reader must ignore; data of messages has no end."""
-        content = encoded(record)
-        if Feature.EXTRA_DATA not in self._features or content[0] == Opcode.MESSAGE:
-            return content
-        length = len(content) - 9 + len(_EXTRA)
-        return content[:1] + length.to_bytes(8, "little") + content[9:] + _EXTRA
+def _add(writer: Writer, record: McapRecord) -> None:
+    """Add a record; the only channel and the only schema have the number 1."""
+    if isinstance(record, Schema):
+        writer.register_schema(record.name, record.encoding, record.data)
+    elif isinstance(record, Channel):
+        writer.register_channel(
+            record.topic, record.message_encoding, record.schema_id, record.metadata
+        )
+    elif isinstance(record, Metadata):
+        writer.add_metadata(record.name, record.metadata)
+    elif isinstance(record, Message):
+        writer.add_message(**vars(record))
+    elif isinstance(record, Attachment):
+        writer.add_attachment(**vars(record))
 
 
 def encoded(record: McapRecord) -> bytes:

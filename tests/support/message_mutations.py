@@ -115,14 +115,12 @@ def _another_array(kind: str, value: Any, rng: random.Random) -> Any:
         changed = value.copy()
         changed[rng.randrange(len(changed))] = rng.choice(_DOUBLES)
         return changed
-    way = rng.choice(("empty", "cut", "repeat", "grow", "elements", "elements"))
-    if isinstance(value, array.array) and not value and way != "empty":
-        value = array.array(value.typecode, [0] * rng.choice((1, 7, 1000)))
+    way = rng.choice(("cut", "cut", "repeat", "grow", "elements", "elements"))
+    if isinstance(value, array.array) and not value:
+        value = array.array(value.typecode, [0] * rng.choice((0, 1, 7, 1000)))
     size = len(value)
-    if way == "empty" or not size:
-        return value[:0]
-    if way == "cut":
-        return value[: rng.randrange(size)]
+    if way == "cut" or not size:
+        return value[: rng.randrange(size or 1)]
     if way == "repeat":
         return value + value[: rng.randrange(1, size + 1)]
     if way == "grow":

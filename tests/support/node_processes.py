@@ -8,11 +8,11 @@ log, and ends by the same code. The server starts with the first of them, once p
 import importlib
 import multiprocessing
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from serd_ros.graph.graph import PACKAGE, load_graph, module_of
 from serd_ros.process import executable
@@ -20,10 +20,7 @@ from support import standin_robot
 
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
-    [
-        "serd_ros.process.run_node",
-        *sorted({module_of(each) for each in load_graph().nodes}),
-    ]
+    ["serd_ros.process.run_node", *sorted({module_of(each) for each in load_graph().nodes})]
 )
 
 
@@ -38,32 +35,24 @@ class NodeProcess:
         )
         self._process.start()
 
-    @property
-    def pid(self) -> int:
-        return self._process.pid
-
-    @property
-    def returncode(self) -> int | None:
-        return self._process.exitcode
+    def __getattr__(self, name: str) -> Any:
+        """The process's own id, `kill` and `terminate`."""
+        return getattr(self._process, name)
 
     def poll(self) -> int | None:
-        return self.returncode
+        return self._process.exitcode
+
+    returncode = property(poll)
 
     def wait(self, timeout: float | None = None) -> int:
         self._process.join(timeout)
-        if self.returncode is None:
+        if (code := self.poll()) is None:
             raise subprocess.TimeoutExpired(self.args, timeout)
-        return self.returncode
+        return code
 
     def send_signal(self, number: int) -> None:
         if self.poll() is None:
             os.kill(self.pid, number)
-
-    def terminate(self) -> None:
-        self.send_signal(signal.SIGTERM)
-
-    def kill(self) -> None:
-        self.send_signal(signal.SIGKILL)
 
 
 def is_node(command: Sequence[str]) -> bool:

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -22,8 +23,12 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
+from serd_ros.convert.motion import to_odometry, to_pose_stamped
+from serd_ros.convert.sensors import to_people_message
 from serd_ros.graph.graph import class_of
+from serd_ros.process.lifecycle import bring_up
 from serd_ros.process.serd_node import SerdNode
+from serd_sim.world.observation import Observation
 
 
 def deliver(subscription: Subscription, message: Any) -> None:
@@ -36,10 +41,13 @@ def deliver(subscription: Subscription, message: Any) -> None:
 
 
 class NodeInProcess:
-    """published: how many messages went out by topic; sent: the last message of each."""
+    """published: how many messages went out by topic; sent: the last message of each.
+
+    lifecycle: of a managed node, else None.
+    """
 
     def __init__(self, node: SerdNode[Any]) -> None:
-        self.node = node
+        self.node, self.lifecycle = node, bring_up(node)
         now_s = node.wall_s()
         self._waited_s = 0.0
         setattr(node, "wall_s", lambda: now_s + self._waited_s)  # noqa: B010
@@ -62,12 +70,30 @@ class NodeInProcess:
         """Advance the node's wall clock."""
         self._waited_s += duration_s
 
+    def subscriptions(self, topic: str) -> list[Subscription]:
+        """The node's subscriptions of a topic."""
+        return [each for each in self.node.subscriptions if each.topic_name.strip("/") == topic]
+
     def receive(self, topic: str, message: Any) -> None:
         """Call every subscription of the topic with the message."""
-        found = [each for each in self.node.subscriptions if each.topic_name.strip("/") == topic]
+        found = self.subscriptions(topic)
         assert found, f"{self.node.get_name()} does not subscribe to {topic}"
         for subscription in found:
             deliver(subscription, message)
+
+    def observe(self, seen: Observation) -> None:
+        """Receive the topics of an observation to which the node subscribes."""
+        if self.subscriptions("pedestrians"):
+            self.receive("pedestrians", to_people_message(seen.people, seen.time_s))
+        self.receive("odom", to_odometry(seen, (0.0, 0.0, 0.0)))
+        self.receive("robot_pose", to_pose_stamped(seen.pose, seen.time_s))
+
+    @property
+    def health(self) -> dict[str, str]:
+        """The values of the status that was published last, with its `name` and `message`."""
+        (status,) = self.sent["diagnostics"].status
+        values = {each.key: each.value for each in status.values}
+        return {"name": status.name, "message": status.message, **values}
 
     def call_timers(self) -> None:
         """Call every timer that runs once."""
@@ -83,7 +109,7 @@ class NodeInProcess:
     @property
     def work(self) -> Any:
         """What an active node does, which a managed node has apart."""
-        return self.node.lifecycle.activity if hasattr(self.node, "lifecycle") else self.node
+        return self.lifecycle.activity if self.lifecycle else self.node
 
     def set(self, **values: object) -> SetParametersResult:
         """The answer of the node's service to set these parameters together."""
@@ -100,6 +126,18 @@ class NodeInProcess:
         """No callback failed and nothing ended the node."""
         assert self.node.callbacks.n_internal_errors == 0
         assert not self.node.finished.done()
+
+
+def needed_parameters(folder: Path, model: Path) -> dict[str, dict[str, object]]:
+    """By node, the parameters without which it cannot run beside other tests."""
+    return {
+        "strategy": {"model": str(model)},
+        "learner": {"output": str(folder / "learned.yaml")},
+        "demo_recorder": {"output": str(folder / "bag")},
+        "hallway_sim": {"people": 0},
+        "teleop_page": {"port": 0},
+        "watch_page": {"port": 0},
+    }
 
 
 @contextmanager

@@ -26,20 +26,21 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
-from rclpy.time import Time
-from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
 from serd_bag.formats.rosbag2.message_types import message_type
+from serd_ros.convert.motion import to_pose, to_twist
+from serd_ros.convert.stamp import to_header
 from serd_ros.endpoints.topic_types import raw_message_class
 from serd_sim.robot.sensors import Lidar
 from serd_sim.safety.motion import compose, motion_between
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.command import Command
 from serd_sim.world.observation import People
-from support.transforms_message import quaternion, transforms_message
+from support.bag_messages import TF, Messages
 
-TF = "tf2_msgs/msg/TFMessage"
+MADE = Messages()
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RELIABLE = QoSProfile(depth=100)
@@ -61,17 +62,13 @@ class StandIn(Node):
         self.command, self.commanded_s = (0.0, 0.0), 0.0
         self.speeds, self.goal, self.n_goals = (0.0, 0.0), None, 0
         self.turned_rad = 0.0
-        self.store = get_typestore(Stores.ROS2_JAZZY)
         tf = raw_message_class(message_type(TF))
         self.odom = self.create_publisher(Odometry, "odom", BEST_EFFORT)
         self.scan = self.create_publisher(LaserScan, "scan", BEST_EFFORT)
         self.tf = self.create_publisher(tf, "tf", RELIABLE)
         self.tf_static = self.create_publisher(tf, "tf_static", LATCHED)
-        self.publish_tf(
-            self.tf_static,
-            ("base_footprint", "base_link", (0.0, 0.0, 0.0), 0.0),
-            ("base_link", "laser", MOUNT, 0.0),
-        )
+        footprint = ("base_footprint", "base_link", (0.0, 0.0, 0.0), 0.0)
+        self.tf_static.publish(MADE.transforms(footprint, ("base_link", "laser", MOUNT, 0.0)))
         self.lidar = None
         if options.people:
             self.lidar = Lidar(HALLWAY.lidar, HALLWAY.wall_segments_m, 0.25)
@@ -81,7 +78,7 @@ class StandIn(Node):
             self.kind = NavigateToPose
             self.server = ActionServer(
                 self, NavigateToPose, "navigate_to_pose", self.drive,
-                goal_callback=self.accept, cancel_callback=lambda _: CancelResponse.ACCEPT,
+                cancel_callback=lambda _: CancelResponse.ACCEPT,
                 handle_accepted_callback=self.begin,
             )  # fmt: skip
         else:
@@ -100,47 +97,40 @@ class StandIn(Node):
     def follow(self, message):
         self.command, self.commanded_s = (message.linear.x, message.angular.z), self.now_s()
 
-    def accept(self, _):
-        from rclpy.action import GoalResponse
-
-        return GoalResponse.ACCEPT
-
     def begin(self, handle):
         """A new goal replaces the old one, which ends as aborted."""
         if self.goal is not None:
-            self.goal[1].set_result("aborted")
+            self.goal[1].set_result("abort")
         self.turned_rad, self.n_goals = 0.0, self.n_goals + 1
         self.goal = handle, Future()
         handle.execute()
 
     async def drive(self, handle):
         ending = self.goal[1]
-        result = self.kind.Result()
-        getattr(
-            handle, {"arrived": "succeed", "cancelled": "canceled"}.get(await ending, "abort")
-        )()
-        return result
+        getattr(handle, await ending)()
+        return self.kind.Result()
 
     def towards_goal(self):
         """Speeds to the goal of Nav2: turn, drive, turn to its heading."""
         handle, ending = self.goal
         if handle.is_cancel_requested:
             self.goal = None
-            ending.set_result("cancelled")
+            ending.set_result("canceled")
             return 0.0, 0.0
         place, turn = handle.request.pose.pose.position, handle.request.pose.pose.orientation
         east, north = place.x - self.pose[0], place.y - self.pose[1]
         away_m = math.hypot(east, north)
         if away_m > XY_TOLERANCE_M:
             error = math.remainder(math.atan2(north, east) - self.pose[2], math.tau)
-            return (SPEED_MPS if abs(error) < 0.5 else 0.0), limited(3.0 * error, TURN_RADPS)
+            turn_radps = max(-TURN_RADPS, min(TURN_RADPS, 3.0 * error))
+            return (SPEED_MPS if abs(error) < 0.5 else 0.0), turn_radps
         error = math.remainder(2 * math.atan2(turn.z, turn.w) - self.pose[2], math.tau)
         if abs(error) > YAW_TOLERANCE_RAD:
             self.turned_rad += TURN_RADPS * STEP_S
             return 0.0, math.copysign(TURN_RADPS, error)
         print(f"goal {self.n_goals} turned {self.turned_rad:.2f}", flush=True)
         self.goal = None
-        ending.set_result("arrived")
+        ending.set_result("succeed")
         return 0.0, 0.0
 
     def move(self):
@@ -167,19 +157,19 @@ class StandIn(Node):
 
     def publish(self):
         now_s = self.now_s()
-        message = Odometry()
-        fill(message, now_s, "odom")
-        message.child_frame_id = "base_footprint"
-        place(message.pose.pose, *self.in_odom(now_s))
-        message.twist.twist.linear.x, message.twist.twist.angular.z = self.speeds
-        self.odom.publish(message)
-        base = self.in_odom(now_s + 0.003)
-        self.publish_tf(self.tf, ("odom", "base_footprint", base, now_s + 0.003))
+        odometry = Odometry(header=to_header("odom", now_s), child_frame_id="base_footprint")
+        odometry.pose.pose = to_pose(self.in_odom(now_s))
+        odometry.twist.twist = to_twist(Command(*self.speeds))
+        self.odom.publish(odometry)
         x_m, y_m, yaw_rad = self.start
         x_m += 1.5 * (self.disturbance == "jump")
-        self.publish_tf(self.tf, ("map", "odom", (x_m, y_m, yaw_rad), now_s + 0.9))
-        if self.disturbance == "second parent":
-            self.publish_tf(self.tf, ("visual_odom", "base_footprint", base, now_s + 0.003))
+        parents = ["odom"] + ["visual_odom"] * (self.disturbance == "second parent")
+        base = self.in_odom(now_s + 0.003)
+        for each in (
+            *((parent, "base_footprint", base, now_s + 0.003) for parent in parents),
+            ("map", "odom", (x_m, y_m, yaw_rad), now_s + 0.9),
+        ):
+            self.tf.publish(MADE.transforms(each))
         self.publish_scan(now_s - 0.013)
 
     def ranges_m(self, time_s):
@@ -191,20 +181,11 @@ class StandIn(Node):
 
     def publish_scan(self, time_s):
         message = LaserScan(
-            angle_min=-math.pi, angle_max=math.pi - math.tau / N_RAYS,
-            angle_increment=math.tau / N_RAYS, range_min=0.1, range_max=12.0,
-            ranges=array.array("f", self.ranges_m(time_s)),
+            header=to_header("laser", time_s), angle_min=-math.pi,
+            angle_max=math.pi - math.tau / N_RAYS, angle_increment=math.tau / N_RAYS,
+            range_min=0.1, range_max=12.0, ranges=array.array("f", self.ranges_m(time_s)),
         )  # fmt: skip
-        fill(message, time_s, "laser")
         self.scan.publish(message)
-
-    def publish_tf(self, publisher, *transforms):
-        """Transforms: parent, child, (x, y, yaw) and time."""
-        placed = (
-            (parent, child, pose[:2], quaternion(pose[2]), time_s)
-            for parent, child, pose, time_s in transforms
-        )
-        publisher.publish(transforms_message(*placed))
 
 
 def walkers(time_s):
@@ -213,20 +194,6 @@ def walkers(time_s):
     there_m, speed_mps = 1.5 * math.sin(phase), 1.5 * math.tau / 12.0 * math.cos(phase)
     place_m = np.array([[1.2, 3.5 + there_m], [3.0 + there_m, 6.0]])
     return People(place_m, np.array([[0.0, speed_mps], [speed_mps, 0.0]]), np.arange(2))
-
-
-def limited(value, limit):
-    return max(-limit, min(limit, value))
-
-
-def fill(message, time_s, frame):
-    message.header.frame_id = frame
-    message.header.stamp = Time(nanoseconds=round(time_s * 1e9)).to_msg()
-
-
-def place(pose, x, y, yaw):
-    pose.position.x, pose.position.y = x, y
-    pose.orientation.z, pose.orientation.w = quaternion(yaw)
 
 
 def main():

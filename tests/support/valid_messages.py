@@ -13,29 +13,15 @@ from std_msgs.msg import Bool, String
 
 from serd_app.drives.drive import EpisodeMark
 from serd_core.grid.grid import Action
+from serd_ros.convert import motion, sensors
 from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
-from serd_ros.convert.motion import (
-    to_goal_area_message,
-    to_intent,
-    to_joy,
-    to_odometry,
-    to_path,
-    to_pose_stamped,
-    to_twist,
-    to_twist_stamped,
-    to_waypoint_message,
-)
-from serd_ros.convert.sensors import (
-    to_people_message,
-    to_scan,
-)
 from serd_ros.convert.stamp import to_stamp
 from serd_sim.scenario.grid import goal_at
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import Command
 from serd_sim.world.waypoint import Waypoint
+from support.bag_messages import Messages
 from support.observations import observation_at
-from support.transforms_message import transforms_message
 
 HALLWAY = load_scenario("hallway")
 PLACE_M = 3.5, 6.5
@@ -50,33 +36,29 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         x_m, y_m, 1.5, time_s=time_s, speed_mps=0.4, people=[[4.5, 12.0], [2.5, 9.0]]
     )
     if topic.startswith("cmd_vel"):
-        command = Command(0.4, 0.1)
-        return to_twist(command) if message_type is Twist else to_twist_stamped(command, time_s)
+        command, is_plain = Command(0.4, 0.1), message_type is Twist
+        return motion.to_twist(command) if is_plain else motion.to_twist_stamped(command, time_s)
     # Functions, since a long test of one topic needs the messages of no other.
     messages: dict[str, Callable[[], Any]] = {
         "clock": lambda: Clock(clock=to_stamp(time_s)),
-        "robot_pose": lambda: to_pose_stamped(observation.pose, time_s),
-        "odom": lambda: to_odometry(observation, (1.0, 2.0, 0.5)),
-        "pedestrians": lambda: to_people_message(observation.people, time_s),
+        "robot_pose": lambda: motion.to_pose_stamped(observation.pose, time_s),
+        "odom": lambda: motion.to_odometry(observation, (1.0, 2.0, 0.5)),
+        "pedestrians": lambda: sensors.to_people_message(observation.people, time_s),
         "scan": lambda: _scan(time_s),
-        "intent": lambda: to_intent(Action.NORTH, time_s),
-        "waypoint": lambda: to_waypoint_message(Waypoint(x_m, y_m + 1.0), time_s),
-        "plan": lambda: to_path(np.array([[x_m, y_m], [x_m, y_m + 1.0]]), time_s),
-        "goal_pose": lambda: to_pose_stamped((*GOAL_M, 0.0), time_s),
-        "goal_area": lambda: to_goal_area_message(GOAL.goal_area_m, time_s),
-        "joy": lambda: to_joy([0.5] * 8, [1] * 12, time_s),
-        "driver_gone": lambda: Bool(data=False),
-        "guard_override": lambda: Bool(data=False),
-        "e_stop": lambda: Bool(data=False),
-        "e_stop_engaged": lambda: Bool(data=False),
+        "intent": lambda: motion.to_intent(Action.NORTH, time_s),
+        "waypoint": lambda: motion.to_waypoint_message(Waypoint(x_m, y_m + 1.0), time_s),
+        "plan": lambda: motion.to_path(np.array([[x_m, y_m], [x_m, y_m + 1.0]]), time_s),
+        "goal_pose": lambda: motion.to_pose_stamped((*GOAL_M, 0.0), time_s),
+        "goal_area": lambda: motion.to_goal_area_message(GOAL.goal_area_m, time_s),
+        "joy": lambda: motion.to_joy([0.5] * 8, [1] * 12, time_s),
+        **dict.fromkeys(("driver_gone", "guard_override", "e_stop", "e_stop_engaged"), Bool),
         "episode": lambda: to_episode_message(
             EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
         ),
         "diagnostics": lambda: _diagnostics(time_s),
         "map": OccupancyGrid,
-        "tf": lambda: transforms_message(
-            ("map", "odom", (0.5, 0.0), (0.0, 1.0), 1.0),
-            ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
+        "tf": lambda: Messages().transforms(
+            ("map", "odom", (0.5, 0.0, 0.0), 1.0), ("odom", "base_link", (2.0, 0.0, 0.0), 1.0)
         ),
         "model": lambda: String(data="scenario: hallway"),
     }
@@ -86,7 +68,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
 def _scan(time_s: float) -> LaserScan:
     """No two scans are equal, as of a real lidar."""
     ranges_m = np.full(HALLWAY.lidar.n_rays, 3.0 + 0.01 * (time_s % 1.0), dtype=np.float32)
-    return to_scan(ranges_m, HALLWAY.lidar, time_s)
+    return sensors.to_scan(ranges_m, HALLWAY.lidar, time_s)
 
 
 def _diagnostics(time_s: float) -> DiagnosticArray:

@@ -49,27 +49,20 @@ class ProcessorWait:
         return sum(waits) * 1e-9 + _stolen_s() - self._stolen_before_s
 
 
-def descendants_of(pid: int) -> list[int]:
-    """Ids of all processes that this one has started, and that these have started."""
-    children: dict[int, list[int]] = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        text = _text_of(stat)
-        if text:
-            children.setdefault(int(text.rsplit(")", 1)[1].split()[1]), []).append(
-                int(stat.parent.name)
-            )
-    found, open_pids = [], [pid]
-    while open_pids:
-        started = children.get(open_pids.pop(), [])
-        found += started
-        open_pids += started
-    return found
+def children_of(pid: int) -> list[int]:
+    """Ids of the processes that the threads of this one have started."""
+    lists = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(each) for path in lists for each in _text_of(path).split()]
+
+
+def _descendants_of(pid: int) -> list[int]:
+    return [each for child in children_of(pid) for each in (child, *_descendants_of(child))]
 
 
 def _waited_ns() -> dict[str, int]:
     """Thread id to the time it has waited for a processor so far."""
     found = {}
-    for pid in (os.getpid(), *descendants_of(os.getpid())):
+    for pid in (os.getpid(), *_descendants_of(os.getpid())):
         for task in Path(f"/proc/{pid}/task").glob("*/schedstat"):
             text = _text_of(task)
             if text:

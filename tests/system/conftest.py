@@ -9,10 +9,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from serd_cli.processes.workspace import stack_processes
+from serd_ros.convert.motion import to_pose_stamped
+from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
 from support import standin_robot
 from support.changed_scenario import changed_scenario
@@ -96,8 +101,30 @@ class Probe:
 
     def __init__(self, node: Node) -> None:
         self.node = node
+        self._goals = node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(self.node)
+
+    def subscribe(
+        self,
+        kind: type,
+        topic: str,
+        take: Callable[..., object],
+        profile: QoSProfile = qos.STATE,
+    ) -> None:
+        """Call `take` with each message."""
+        self.node.create_subscription(kind, topic, take, profile)
+
+    def health(self) -> list[DiagnosticStatus]:
+        """All statuses that come on `diagnostics` from now on."""
+        found: list[DiagnosticStatus] = []
+        self.subscribe(DiagnosticArray, "diagnostics", lambda message: found.extend(message.status))
+        return found
+
+    def send_goal(self, x_m: float, y_m: float) -> None:
+        """Publish a goal once a node subscribes to it."""
+        self.spin_until(self._goals.get_subscription_count)
+        self._goals.publish(to_pose_stamped((x_m, y_m, 0.0), 0.0))
 
     def spin_until(
         self, condition: Callable[[], object], *, seen: Callable[[], object] = lambda: ""

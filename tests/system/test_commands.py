@@ -21,12 +21,6 @@ from support.waiting import PATIENCE_S, wait_until
 SERD = str(Path(sys.executable).with_name("serd"))
 
 
-def serd(*arguments, env, **options):
-    return subprocess.run(
-        [SERD, *arguments], env=env, capture_output=True, text=True, timeout=PATIENCE_S, **options
-    )
-
-
 @pytest.mark.ros
 def test_serd_run_becomes_the_node_and_passes_signals_and_exit_code_on(ros_env, probe):
     command = [SERD, "run", "serd_ros", "local_planner", "--ros-args", "-r", "__ns:=/lab"]
@@ -77,9 +71,9 @@ def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, m
     assert executables_of(prefix, "serd_ros") == sorted(load_graph().nodes)
     monkeypatch.setenv("SERD_WORKSPACE", str(workspace))
     assert find_command("serd_ros", "guard", ros_environment({}))[0].startswith(str(prefix))
-    wrong = ("--ros-args", "-p", "lockstep:=7")
+    wrong = [SERD, "run", "serd_ros", "guard", "--ros-args", "-p", "lockstep:=7"]
     environment = {**ros_env, "SERD_WORKSPACE": str(workspace)}
-    done = serd("run", "serd_ros", "guard", *wrong, env=environment)
+    done = subprocess.run(wrong, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "lockstep" in done.stderr
 
@@ -91,28 +85,6 @@ NEAR = {
     "count: 24": "count: 6",
     "warm_up_s: 10.0": "warm_up_s: 1.0",
 }
-
-
-class Demo:
-    """A demo in a separate process."""
-
-    def __init__(self, folder, *arguments):
-        self._log = folder / "demo.log"
-        with self._log.open("wb") as log:
-            self.process = subprocess.Popen(
-                [SERD, "demo", *arguments], cwd=folder, stdout=log, stderr=subprocess.STDOUT
-            )
-
-    def wait(self):
-        code = self.process.wait(2 * PATIENCE_S)
-        return code, self._log.read_text()
-
-    def wait_for(self, condition):
-        def running_and_condition():
-            assert self.process.poll() is None, self._log.read_text()
-            return condition()
-
-        wait_until(running_and_condition, seen=self._log.read_text)
 
 
 def processes_of(folder):
@@ -135,13 +107,20 @@ def shared_memory_of(pids):
 
 
 def test_a_demo_ends_with_its_report_and_leaves_no_process(tmp_path):
-    run = tmp_path / "demo_output/run-1"
-    demo = Demo(tmp_path, *SMALL, "--scenario", str(changed_scenario(tmp_path, "hallway", NEAR)))
-    demo.wait_for((run / "demonstrations/episodes.csv").exists)
+    run, log_file = tmp_path / "demo_output/run-1", tmp_path / "demo.log"
+    words = [SERD, "demo", *SMALL, "--scenario", changed_scenario(tmp_path, "hallway", NEAR)]
+    with log_file.open("wb") as log:
+        demo = subprocess.Popen(words, cwd=tmp_path, stdout=log, stderr=subprocess.STDOUT)
+
+    def has_recorded():
+        assert demo.poll() is None, log_file.read_text()
+        return (run / "demonstrations/episodes.csv").exists()
+
+    wait_until(has_recorded, seen=log_file.read_text)
     nodes = processes_of(tmp_path)
     assert len(nodes) >= 2
     assert shared_memory_of(nodes) == set()
-    code, log = demo.wait()
+    code, log = demo.wait(2 * PATIENCE_S), log_file.read_text()
     assert code == 0, log
     assert processes_of(tmp_path) == {}
     assert "2 demonstrations and 1 episode through ROS 2" in log

@@ -10,7 +10,6 @@ import signal
 import time
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 
@@ -44,12 +43,11 @@ class Driven:
     def __init__(self, stack, nodes, probe, **given):
         self._stack, self._nodes, self._probe = stack, nodes, probe
         self.time_s, self.speed_mps, self.way_m = math.nan, 0.0, 0.0
-        self.reports, self._heard_s, self._place_m = [], time.monotonic(), None
+        self._heard_s, self._place_m = time.monotonic(), None
         self._publishes, self._due_s = True, 0.0
-        subscribe = probe.node.create_subscription
-        subscribe(Odometry, "odom", self._take_odometry, qos.STATE)
-        subscribe(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
-        subscribe(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
+        self._health = probe.health()
+        probe.subscribe(Odometry, "odom", self._take_odometry)
+        probe.subscribe(PoseStamped, "robot_pose", self._take_pose)
         self._intents = probe.node.create_publisher(Vector3Stamped, "intent", qos.COMMAND)
         self._goals = probe.node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
         self._processes = nodes.start_stack(stack, people=0, **given)
@@ -75,7 +73,7 @@ class Driven:
 
         The time is infinite where the robot still drives after 10 s, NaN where the stamps end.
         """
-        self.reports.clear()
+        self._health.clear()
         since_s, before_m = self.time_s, self.way_m
         if node == SOURCE:
             self._publishes = False
@@ -124,9 +122,9 @@ class Driven:
         self.way_m += math.dist(place_m, self._place_m or place_m)
         self._place_m = place_m
 
-    def _take_health(self, message):
-        faults = (each for each in message.status if each.level != OK)
-        self.reports += [f"{each.name}: {each.message}" for each in faults]
+    @property
+    def reports(self):
+        return [f"{each.name}: {each.message}" for each in self._health if each.level != OK]
 
 
 @pytest.fixture

@@ -6,7 +6,6 @@ import time
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
@@ -25,12 +24,12 @@ from serd_bag.writer import BagWriter
 from serd_cli.processes.workspace import find_command, node_command
 from serd_files.model_file import ModelFile, load_model
 from serd_files.yaml_config import yaml_model
-from serd_ros.convert.diagnostics import ERROR, WARN, values_of
+from serd_ros.convert.diagnostics import ERROR, WARN
 from serd_ros.convert.stamp import stamp_ns, to_stamp
 from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from support.transforms_message import transforms_message
+from support.bag_messages import TF
 from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -95,12 +94,7 @@ def stamp_s(message):
 def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
     record, probe, nodes, tmp_path
 ):
-    problems = []
-
-    def take(message):
-        problems.extend(each for each in message.status if each.level == ERROR)
-
-    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+    health = probe.health()
     recording = record("robot_pose", largest_file_bytes=40 * 1024)
     poses, time_s = recording.publisher(PoseStamped, "robot_pose"), 0.0
 
@@ -114,8 +108,9 @@ def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
     probe.spin_until(full)
     assert recording.process.returncode == 2
     assert "cannot write" in nodes.log_of("demo_recorder")
-    probe.spin_until(lambda: problems)
-    assert "cannot write" in problems[0].message
+    problems = lambda: [each.message for each in health if each.level == ERROR]  # noqa: E731
+    probe.spin_until(problems)
+    assert "cannot write" in problems()[0]
     n_kept = sum(1 for _ in BagReader(recording.bag, tolerant=True).messages({"/robot_pose"}))
     assert n_kept > 50
     assert recover(recording.bag, tmp_path / "recovered").counts["/robot_pose"] == n_kept
@@ -124,28 +119,26 @@ def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
 def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
     record, probe, nodes
 ):
-    started_s, warnings, counts = time.time(), [], []
+    started_s, health = time.time(), probe.health()
 
-    def take(message):
-        warnings.extend(each.message for each in message.status if each.level == WARN)
-        if values := values_of(message, "demo_recorder"):
-            counts.append(values.get("messages"))
+    def counts():
+        pairs = (each for status in health for each in status.values)
+        return [each.value for each in pairs if each.key == "messages"]
 
-    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
     names = probe.node.create_publisher(String, "/base/name", qos.LATCHED)
     names.publish(String(data="published before the recorder started"))
     recording = record(IMU, NAME, "/none:std_msgs/msg/String", "/base/odom:std_msgs/msg/String")
     imus = recording.publisher(Imu, "/base/imu", qos.SENSOR)  # comes later
     probe.spin_until(names.get_subscription_count)
     probe.node.create_publisher(Odometry, "/base/odom", qos.SENSOR)
-    probe.spin_until(lambda: "1" in counts)
+    probe.spin_until(lambda: "1" in counts())
     for number in range(1, 21):
         message = Imu()
         message.header.stamp = to_stamp(0.1 * number)
         imus.publish(message)
-    probe.spin_until(lambda: "21" in counts)
+    probe.spin_until(lambda: "21" in counts())
     sentence = "/base/odom is nav_msgs/msg/Odometry, not std_msgs/msg/String"
-    probe.spin_until(lambda: any(sentence in each for each in warnings))
+    probe.spin_until(lambda: any(sentence in each.message for each in health if each.level == WARN))
     assert recording.end() == 0
     reader = BagReader(recording.bag)
     found = list(reader.messages())
@@ -204,14 +197,12 @@ def test_arguments_that_ros_cannot_read_are_refused_in_one_sentence(nodes, ros_e
     assert "Traceback" not in log
 
 
-TF = "tf2_msgs/msg/TFMessage"
 N_SENT = 50
 
 
-def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path):
+def test_tf_is_played_from_one_bag_and_recorded_into_another(nodes, ros_env, tmp_path, messages):
     sent = [
-        transforms_message(("odom", "base_link", (0.1 * n, 0.0), (0.0, 1.0), 1.0 + 0.1 * n))
-        for n in range(N_SENT)
+        messages.transform(1.0 + 0.1 * n, "odom", "base_link", 0.1 * n, 0.0) for n in range(N_SENT)
     ]
     with BagWriter(tmp_path / "played") as writer:
         writer.add_topic("/tf", TF)

@@ -17,12 +17,12 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
+from serd_app.drives.drive import END
 from serd_cli.processes.workspace import node_command
-from serd_ros.convert.diagnostics import values_of
+from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
-from support.goals import Goals
 from support.waiting import wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -33,6 +33,26 @@ needs_nav2 = pytest.mark.skipif(
     importlib.util.find_spec("nav2_msgs") is None,
     reason="nav2_msgs is not installed; run make interfaces",
 )
+
+
+class Goals:
+    """Sends goals one after the other and takes how their drives end."""
+
+    def __init__(self, probe):
+        self.probe, self.n_begun, self.ends = probe, 0, []
+        probe.subscribe(DiagnosticArray, "episode", self._take_mark)
+
+    def _take_mark(self, message):
+        mark = from_episode_message(message)
+        if mark.event == END:
+            self.ends.append(mark.outcome)
+        else:
+            self.n_begun += 1
+
+    def drive_to(self, place, seen):
+        n_ended = len(self.ends)
+        self.probe.send_goal(*place)
+        self.probe.spin_until(lambda: len(self.ends) > n_ended, seen=seen)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +87,7 @@ def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
 def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
     nodes, probe, start_robot, save_model_of
 ):
-    goals, guard, speeds = Goals(probe), {}, []
+    guard, speeds = {}, []
     start_robot()
     nodes.start_stack("robot", model=str(save_model_of()))
     wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
@@ -75,8 +95,8 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
     def take(message):
         guard.update(values_of(message, "guard") or {})
 
-    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
-    probe.node.create_subscription(Twist, "cmd_vel", lambda m: speeds.append(m.linear.x), qos.STATE)
+    probe.subscribe(DiagnosticArray, "diagnostics", take)
+    probe.subscribe(Twist, "cmd_vel", lambda message: speeds.append(message.linear.x))
     disturb = probe.node.create_publisher(String, "disturb", qos.COMMAND)
 
     def until(condition, text):
@@ -85,7 +105,7 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
             seen=lambda: f"{guard} {speeds[-5:]} {nodes.log_of('strategy')}",
         )
 
-    goals.send((3.5, 12.5))
+    probe.send_goal(3.5, 12.5)
     until(lambda: speeds and speeds[-1] > 0.3, "")
     until(lambda: speeds[-1] == 0.0 and "robot_pose: jump" in guard["reasons"], "jump")
     until(lambda: speeds[-1] > 0.1 and not guard["reasons"], "jump")
@@ -104,8 +124,7 @@ class LifecycleManager:
     """Of one node; probe: a node of the test's own that can spin."""
 
     def __init__(self, probe, node):
-        self._probe, self._name = probe, f"/{node}"
-        create = probe.node.create_client
+        create, self._probe = probe.node.create_client, probe
         self._clients = {name: create(kind, f"/{node}/{name}") for name, kind in SERVICES.items()}
         # A server's response is lost where it knows a client's request, but not its reader yet
         # (ros2/rmw_fastrtps #842). The last client made here is the last to become known.
@@ -128,40 +147,30 @@ class LifecycleManager:
         self._probe.spin_until(future.done, seen=lambda: client.srv_name)
         return future.result()
 
-    def change(self, transition):
-        """Whether the transition of this name succeeded."""
-        return self.call("change_state", transition=Transition(label=transition)).success
-
     def go(self, *transitions):
         """Make (transition, state after it) one after the other."""
-        for transition, state in transitions:
-            assert self.change(transition), (self._name, transition)
-            assert self.state == state
-
-    @property
-    def state(self):
-        return self.call("get_state").current_state.label
+        for name, state in transitions:
+            assert self.call("change_state", transition=Transition(label=name)).success, name
+            assert self.call("get_state").current_state.label == state
 
 
 @needs_nav2
 def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, ros_env, start_robot):
     """An action client that is destroyed while an answer waits ends the process."""
-    goals = []
     start_robot("--follow", "nav2")
     command = node_command("nav2_bridge", {"managed": True}, {}, ros_env)
     bridge = nodes.start(command, "nav2_bridge")
     manager = LifecycleManager(probe, "nav2_bridge")
     waypoints = probe.node.create_publisher(PoseStamped, "waypoint", qos.COMMAND)
-    take = lambda message: goals.append(values_of(message, "nav2_bridge") or {})  # noqa: E731
-    probe.node.create_subscription(DiagnosticArray, "diagnostics", take, qos.STATE)
+    health = probe.health()
 
     def drives():
         waypoints.publish(to_pose_stamped((30.0, 3.5, 0.0), 0.0))
-        return any(each.get("goal") == "driving" for each in goals)
+        return any(each.value == "driving" for status in health for each in status.values)
 
     for _ in range(5):
         manager.go(*UP)
-        goals.clear()
+        health.clear()
         probe.spin_until(drives)
         manager.go(*DOWN)
     assert bridge.poll() is None, nodes.log_of("nav2_bridge")
@@ -170,7 +179,7 @@ def test_the_bridge_may_be_cleaned_up_while_nav2_answers(nodes, probe, ros_env, 
 def test_a_managed_stack_drives_while_it_is_active(nodes, probe, start_robot, save_model_of):
     goals, speeds_mps = Goals(probe), []
     take = lambda message: speeds_mps.append(message.twist.twist.linear.x)  # noqa: E731
-    probe.node.create_subscription(Odometry, "odom", take, qos.SENSOR)
+    probe.subscribe(Odometry, "odom", take, qos.SENSOR)
     start_robot()
     nodes.start_stack("robot", managed=True, model=str(save_model_of()))
     managers = [LifecycleManager(probe, name) for name in ("local_planner", "strategy")]
@@ -182,7 +191,7 @@ def test_a_managed_stack_drives_while_it_is_active(nodes, probe, start_robot, sa
         manager.go(*UP)
     goals.drive_to((3.5, 3.5), logs)
 
-    goals.send((3.5, 1.5))
+    probe.send_goal(3.5, 1.5)
     probe.spin_until(lambda: goals.n_begun == 2 and speeds_mps[-1] > 0.1, seen=logs)
     for manager in reversed(managers):
         manager.go(*DOWN)

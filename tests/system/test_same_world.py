@@ -17,7 +17,6 @@ from serd_sim.episodes.episode import run_episode
 from serd_sim.planning.local_planner import make_planner
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.world import HallwayWorld
-from support.recorded_messages import recorded
 from support.waiting import PATIENCE_S
 
 SEEDS, EPISODES, TIMEOUT_S = {"robot1": 11, "robot2": 12}, 2, 6.0
@@ -38,6 +37,17 @@ def drive_alone(seed, episodes=1, timeout_s=TIMEOUT_S):
             )  # fmt: skip
             driven.append((np.array([*poses, world.observation.pose]), record))
     return driven
+
+
+def recorded(bag, topic):
+    """The first message of each stamp, in their order."""
+    found = {}
+    with AnyReader([bag]) as reader:
+        wanted = [each for each in reader.connections if each.topic == topic]
+        for connection, _, raw in reader.messages(wanted):
+            message = reader.deserialize(raw, connection.msgtype)
+            found.setdefault((message.header.stamp.sec, message.header.stamp.nanosec), message)
+    return [found[stamp] for stamp in sorted(found)]
 
 
 def launch(robot, folder, environment):

@@ -1,7 +1,6 @@
 """The strategy node at work: goals and models that change, refusals, giving up, kills."""
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
@@ -10,53 +9,31 @@ from serd_app.journeys.navigate import drive
 from serd_app.navigation.navigator import ArrivalRow
 from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_core.grid.navigation import MODEL_NAMES
-from serd_files.model_file import OutcomeModel
 from serd_files.table import load_episodes, read_rows
-from serd_ros.convert.diagnostics import values_of
-from serd_ros.convert.motion import from_pose, to_pose_stamped
+from serd_ros.convert.motion import from_pose
 from serd_ros.endpoints import qos
 from support.waiting import PATIENCE_S
+from tests.conftest import model_row
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 EAST_END = (12.0, 18.0)
-_STAYS = (1.0, 0.0, 0.0, 0.0, 0.0)
-UNMOVED = tuple(
-    OutcomeModel(
-        name=name, learned=_STAYS, believed=_STAYS, initial=_STAYS, mean_s=1.0,
-        believed_mean_s=1.0, shape=4.0,
-    )
-    for name in MODEL_NAMES
-)  # fmt: skip
+UNMOVED = tuple(model_row(name, (1.0, 0.0, 0.0, 0.0, 0.0)) for name in MODEL_NAMES)
 
 
 class Watch:
-    """Takes what the strategy publishes and sends it goals."""
+    """Takes what the strategy publishes, and the robot's pose."""
 
     def __init__(self, probe):
-        self.probe, node = probe, probe.node
-        self.y_m = 0.0
-        self.messages, self.texts = [], []
-        self.goals = node.create_publisher(PoseStamped, "goal_pose", qos.COMMAND)
-        node.create_subscription(MarkerArray, "markers/arrival", self.texts.append, qos.LATCHED)
-        node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
-        node.create_subscription(DiagnosticArray, "diagnostics", self._take_health, qos.STATE)
-
-    def spin_until(self, condition):
-        self.probe.spin_until(condition)
-
-    def send_goal(self, x_m, y_m):
-        self.spin_until(lambda: self.goals.get_subscription_count() > 0)
-        self.goals.publish(to_pose_stamped((x_m, y_m, 0.0), 0.0))
+        self.probe, self.spin_until, self.send_goal = probe, probe.spin_until, probe.send_goal
+        self.y_m, self.health, self.texts = 0.0, probe.health(), []
+        probe.subscribe(MarkerArray, "markers/arrival", self.texts.append, qos.LATCHED)
+        probe.subscribe(PoseStamped, "robot_pose", self._take_pose)
 
     def reported(self, words):
-        return any(words in each for each in self.messages)
+        return any(words in each.message for each in self.health if each.name == "strategy")
 
     def _take_pose(self, message):
         self.y_m = from_pose(message.pose)[1]
-
-    def _take_health(self, message):
-        if values_of(message, "strategy") is not None:
-            self.messages.append(message.status[0].message)
 
 
 @pytest.fixture
@@ -91,16 +68,8 @@ def row_of_a_goal_during_an_episode(watch, folder):
 def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_strategy(
     nodes, watch, save_model_of, quick_hallway, tmp_path
 ):
-    model = save_model_of()
-    nodes.start_stack(
-        "navigate",
-        scenario=quick_hallway,
-        hallway_sim__people=0,
-        seed=4,
-        episodes=1000,
-        model=str(model),
-        strategy__output=str(tmp_path),
-    )
+    given = {"hallway_sim__people": 0, "seed": 4, "episodes": 1000, "model": str(save_model_of())}
+    nodes.start_stack("navigate", scenario=quick_hallway, strategy__output=str(tmp_path), **given)
     spin_until = watch.spin_until
     spin_until(lambda: watch.y_m > 6.0)
     watch.send_goal(9.0, 3.0)
@@ -135,21 +104,14 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
     models.publish(String(data="format: serd-model"))
     spin_until(lambda: watch.reported("refused: model of the learner: "))
     models.publish(String(data=better.read_text()))
-    watch.messages.clear()
     spin_until(lambda: any(row.model == "model of the learner" for row in arrivals(tmp_path)))
 
 
 def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
     nodes, save_model_of, tmp_path
 ):
-    settings = DriveSettings(
-        model=str(save_model_of("corridor")),
-        scenario="crossing",
-        goal="18.5, 8.5",
-        seed=21,
-        episodes=2,
-        transfer=True,
-    )
+    drives = {"scenario": "crossing", "goal": "18.5, 8.5", "seed": 21, "episodes": 2}
+    settings = DriveSettings(model=str(save_model_of("corridor")), transfer=True, **drives)
     given = settings.model_dump(include=set(NavigationSettings.model_fields))
     stack = nodes.start_stack("navigate", **given, strategy__output=str(tmp_path / "ros"))
     here = drive(settings, tmp_path / "here", lambda _: None)
@@ -157,9 +119,6 @@ def test_a_transferred_model_drives_to_a_goal_alike_in_process_and_through_ros(
     there = load_episodes(tmp_path / "ros/episodes.csv")
     for one, other in zip(here, there, strict=True):
         assert one.arrived
-        assert one.time_of_arrival_s == other.time_of_arrival_s
-        assert one.distance_m == other.distance_m
-        assert one.person_on_robot == other.person_on_robot
-    assert read_rows(tmp_path / "ros/arrivals.csv", ArrivalRow) == read_rows(
-        tmp_path / "here/arrivals.csv", ArrivalRow
-    )
+        for name in ("time_of_arrival_s", "distance_m", "person_on_robot"):
+            assert getattr(one, name) == getattr(other, name)
+    assert arrivals(tmp_path / "ros") == arrivals(tmp_path / "here")

@@ -28,7 +28,7 @@ from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.browser import needs_chromium, start_chromium
-from support.waiting import PATIENCE_S, ProcessorWait, wait_until
+from support.waiting import PATIENCE_S, ProcessorWait, children_of, wait_until
 from support.wheeled_robots import STOPPED_MPS
 
 SERD = str(Path(sys.executable).with_name("serd"))
@@ -109,8 +109,8 @@ class Robot:
     def __init__(self, probe, page):
         self.probe, self.page = probe, page
         self.speed_mps = self.time_s = self.moved_s = self.turned_s = self.y_m = 0.0
-        probe.node.create_subscription(Odometry, "odom", self._take_odometry, qos.STATE)
-        probe.node.create_subscription(PoseStamped, "robot_pose", self._take_pose, qos.STATE)
+        probe.subscribe(Odometry, "odom", self._take_odometry)
+        probe.subscribe(PoseStamped, "robot_pose", self._take_pose)
 
     def _take_odometry(self, message):
         self.time_s = stamp_s(message.header.stamp)
@@ -269,17 +269,11 @@ def test_a_person_drives_on_the_page_stops_the_robot_in_every_way_and_records(
 
 def node_of(process, name):
     """The process of a node that the session has started, each under a keeper."""
-    for keeper in children(process.pid):
-        for each in children(keeper):
+    for keeper in children_of(process.pid):
+        for each in children_of(keeper):
             if name in Path(f"/proc/{each}/cmdline").read_text():
                 return each
     raise LookupError(name)
-
-
-def children(pid):
-    """Of each of its threads."""
-    lists = Path(f"/proc/{pid}/task").glob("*/children")
-    return [int(each) for path in lists for each in path.read_text().split()]
 
 
 def drive_to_the_goal(page, robot):

@@ -24,14 +24,12 @@ def mean_speed_mps(crowd, settle_steps=400, steps=600):
 
 @pytest.mark.parametrize("density_pm2", [0.5, 1.0, 1.5])
 def test_walking_speed_falls_with_density_as_weidmann_measured(density_pm2):
-    walked_mps = [
-        mean_speed_mps(
-            ring_corridor_crowd(
-                width_m=4.0, length_m=20.0, density_pm2=density_pm2, rng=np.random.default_rng(seed)
-            )
+    walked_mps = []
+    for seed in (1, 2, 3):
+        place = {"width_m": 4.0, "length_m": 20.0, "density_pm2": density_pm2}
+        walked_mps.append(
+            mean_speed_mps(ring_corridor_crowd(**place, rng=np.random.default_rng(seed)))
         )
-        for seed in (1, 2, 3)
-    ]
     assert np.mean(walked_mps) == pytest.approx(float(weidmann_speed_mps(density_pm2)), abs=0.15)
 
 

@@ -55,13 +55,9 @@ def _arriving(fault, n_periods):
     published = []
     for period in range(n_periods):
         stamp_s = period * PERIOD_S
-        ranges_m = np.full(300, 2.0 + period, dtype=np.float32)
-        published.append(
-            [
-                Message(Source.POSE, stamp_s, (float(period), 0.0, 0.0)),
-                Message(Source.SCAN, stamp_s, Scan(stamp_s, ranges_m, GEOMETRY)),
-            ]
-        )
+        scan = Scan(stamp_s, np.full(300, 2.0 + period, dtype=np.float32), GEOMETRY)
+        pose = Message(Source.POSE, stamp_s, (float(period), 0.0, 0.0))
+        published.append([pose, Message(Source.SCAN, stamp_s, scan)])
     return published, [channel(messages) for messages in published]
 
 
@@ -96,9 +92,8 @@ def test_late_messages_keep_their_stamps():
 
 def test_a_noisy_scan_loses_its_share_of_rays_and_deviates_by_five_centimetres():
     _, arrived = _arriving("scan_noise", 40)
-    ranges_m = np.stack(
-        [messages[1].value.ranges_m - 2.0 - n for n, messages in enumerate(arrived)]
-    )
+    away_m = [messages[1].value.ranges_m - 2.0 - n for n, messages in enumerate(arrived)]
+    ranges_m = np.stack(away_m)
     lost = ~np.isfinite(ranges_m)
     assert lost.mean() == pytest.approx(0.1, abs=0.01)
     assert ranges_m[~lost].std() == pytest.approx(0.05, rel=0.03)

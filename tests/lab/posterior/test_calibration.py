@@ -19,15 +19,9 @@ def half_as_wide(problem, decisions, fit, rng):
 
 @pytest.mark.parametrize(("draw", "passes"), [(draw_by_laplace, True), (half_as_wide, False)])
 def test_ranks_of_the_truth_are_uniform_and_show_a_posterior_that_is_too_narrow(draw, passes):
-    ranks = calibration_ranks(
-        small_problem(),
-        PRIOR,
-        np.random.default_rng(1),
-        n_data_sets=48,
-        n_episodes=20,
-        n_steps=10,
-        draw=draw,
-    )
+    sizes = {"n_data_sets": 48, "n_episodes": 20, "n_steps": 10}
+    rng = np.random.default_rng(1)
+    ranks = calibration_ranks(small_problem(), PRIOR, rng, **sizes, draw=draw)
     assert ranks.shape == (48, 7)
     # Bonferroni's level for seven numbers.
     assert bool(uniformity(ranks, n_bins=4).min() > 0.05 / 7) == passes

@@ -7,17 +7,15 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.flow_field import FlowField, save_flow
-from serd_app.demonstrations.recorded import DemonstrationRecord
+from serd_app.demonstrations.recorded import DemonstrationRecord, Place, save_learnable
 from serd_app.learning.settings import MethodName
 from serd_core.bayes.laplace import N_DRAWS
 from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.policies.solved_policy import soft_policy
-from serd_files.grid_file import save_grid
 from serd_files.model_file import load_model
-from serd_files.yaml_config import model_yaml
+from serd_files.yaml_config import load_yaml_model, model_yaml
 from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import load_scenario
@@ -41,25 +39,14 @@ def write_demonstrations(folder, scenario="hallway", flow=None, n_episodes=30, *
     start[start_states_of(HALLWAY, GRID, "train")] = 1.0
     model = problem.mdp.transitions
     truth = model.parameters_from(TRUTH, list(MEAN_S.values()), 5.0)
-    decisions = sample_timed_decisions(
-        problem.mdp,
-        soft_policy(problem, weights, model.local_probabilities(truth)).probabilities,
-        truth,
-        start / start.sum(),
-        n_episodes=n_episodes,
-        n_steps=60,
-        rng=np.random.default_rng(1),
-    )
-    save_decisions(folder / "decisions.csv", decisions)
-    save_grid(folder / "decisions.grid.yaml", GRID, scenario)
-    values = {
-        "scenario": scenario,
-        "grid_fingerprint": GRID.fingerprint(),
-        "patience_s": HALLWAY.patience_s,
-        "wait_s": HALLWAY.wait_s,
-    }
-    record = DemonstrationRecord(**(values | changes))
-    (folder / "decisions.yaml").write_text(model_yaml(record))
+    policy = soft_policy(problem, weights, model.local_probabilities(truth)).probabilities
+    sizes = {"n_episodes": n_episodes, "n_steps": 60, "rng": np.random.default_rng(1)}
+    start /= start.sum()
+    decisions = sample_timed_decisions(problem.mdp, policy, truth, start, **sizes)
+    place = Place(GRID, HALLWAY.patience_s, HALLWAY.wait_s, HALLWAY if scenario else None)
+    save_learnable(folder / "decisions.csv", place, decisions)
+    record = load_yaml_model(folder / "decisions.yaml", DemonstrationRecord)
+    (folder / "decisions.yaml").write_text(model_yaml(record.model_copy(update=changes)))
     if flow is not None:
         zeros, count = np.zeros((GRID.n_states, 2)), np.zeros(GRID.n_states, dtype=int)
         field = FlowField(flow, zeros, zeros[:, 0], count)

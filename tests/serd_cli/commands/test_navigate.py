@@ -53,14 +53,14 @@ def test_an_interrupted_drive_goes_on_where_it_stopped_with_the_same_result(
     for folder, episodes in ((whole, 2), (parts, 1), (parts, 2)):
         words = ("--goal", "4.5,4.5", "--episodes", episodes, "--output", folder)
         assert serd("navigate", path, *words).code == 0
-    assert read_rows(parts / "arrivals.csv", ArrivalRow) == read_rows(
-        whole / "arrivals.csv", ArrivalRow
-    )
-    times_s = [
-        [row.time_of_arrival_s for row in load_episodes(folder / "episodes.csv")]
+    one, other = (
+        (
+            read_rows(folder / "arrivals.csv", ArrivalRow),
+            [row.time_of_arrival_s for row in load_episodes(folder / "episodes.csv")],
+        )
         for folder in (parts, whole)
-    ]
-    assert times_s[0] == times_s[1]
+    )
+    assert one == other
 
 
 def test_a_folder_of_another_drive_is_refused(serd, save_model_of, tmp_path):

@@ -49,14 +49,13 @@ def three_commands(tmp_path_factory):
     """A folder in which three commands were run, and what they printed."""
 
     def run(folder):
-        bag, printed = foreign_bag(folder / "bag"), ""
-        for words in (
-            ("bag", "suggest", bag, "--output", "mapping.yaml"),
-            ("demos", bag, "--mapping", "mapping.yaml", "--cell-size-m", "0.5"),
-            ("learn", "decisions.csv", "--report", "report"),
-        ):
-            printed += printed_in(folder, *words)
-        (folder / "printed.txt").write_text(printed)
+        bag = foreign_bag(folder / "bag")
+        printed = (
+            printed_in(folder, "bag", "suggest", bag, "--output", "mapping.yaml"),
+            printed_in(folder, "demos", bag, "--mapping", "mapping.yaml", "--cell-size-m", "0.5"),
+            printed_in(folder, "learn", "decisions.csv", "--report", "report"),
+        )
+        (folder / "printed.txt").write_text("".join(printed))
 
     folder = made_once(tmp_path_factory, "three-commands", run)
     return folder, (folder / "printed.txt").read_text()
@@ -109,39 +108,3 @@ def test_one_demonstration_predicts_nothing_and_its_own_time_is_drawn(learned):
     page = Path("report/report.html").read_text(encoding="utf-8")
     assert "Black: when the recorded drives arrived" in page
     assert "This is no prediction, because a prediction takes" in page
-
-
-def walks(path, y_m, seed, n=30):
-    """People walk 10 m east within a corridor, each in a lane around y."""
-    rng, lines = np.random.default_rng(seed), ["id,t,x,y"]
-    for agent in range(n):
-        lane_m, time_s, x_m = np.clip(y_m + rng.normal(0, 0.2), 0.1, 2.9), 100.0 * agent, 0.5
-        while x_m < 10.5:
-            lines.append(f"{agent},{time_s:.1f},{x_m:.3f},{lane_m:.3f}")
-            x_m += 0.1 * (1.0 + rng.normal(0, 0.1))
-            time_s += 0.1
-    # Two who walk across show the whole width of the corridor.
-    for agent in (n, n + 1):
-        start_s, x_m = 1e4 * agent, 5 * (agent - n) + 0.5
-        lines += [f"{agent},{start_s + y / 10:.1f},{x_m},{y / 10}" for y in range(30)]
-    path.write_text("\n".join(lines) + "\n")
-    return path
-
-
-@pytest.fixture(scope="session")
-def people_model(tmp_path_factory):
-    """Learned from people who keep to the southern side."""
-
-    def run(folder):
-        people = walks(folder / "people.csv", 0.5, seed=0)
-        printed_in(folder, "demos", people, "--cell-size-m", 1)
-        printed_in(folder, "learn", "decisions.csv")
-
-    return made_once(tmp_path_factory, "people-who-keep-south", run)
-
-
-@pytest.fixture
-def model(people_model, tmp_path):
-    """This test's own copy of the model, with its table."""
-    shutil.copytree(people_model, tmp_path, dirs_exist_ok=True)
-    return tmp_path / "model.yaml"

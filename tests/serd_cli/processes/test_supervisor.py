@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,7 @@ from serd_cli.errors import BAD_INPUT, FAILED, RunError
 from serd_cli.processes import supervisor
 from serd_cli.processes.supervisor import Process, run_together
 from serd_ros.process.progress import Progress
-from support.waiting import PATIENCE_S
+from support.waiting import PATIENCE_S, children_of
 
 SLEEP = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
 
@@ -24,12 +23,9 @@ def python(name, code):
 
 
 def test_when_one_ends_well_all_end_and_every_line_was_passed_on():
-    lines = []
-    run_together(
-        [Process("sleeper", SLEEP), python("speaker", "print('it\\'s done')")],
-        os.environ,
-        lambda name, line: lines.append((name, line)),
-    )
+    lines, speaker = [], python("speaker", "print('it\\'s done')")
+    take = lambda *line: lines.append(line)  # noqa: E731
+    run_together([Process("sleeper", SLEEP), speaker], os.environ, take)
     assert ("speaker", "it's done") in lines
 
 
@@ -57,10 +53,9 @@ def test_a_failing_process_is_named_with_its_last_output(end, sentence, passed_o
 def test_an_interrupt_and_a_closed_window_end_all_and_give_the_handler_back(number):
     before = signal.getsignal(number)
     talker = python("talker", "import time; print('ready', flush=True); time.sleep(3600)")
+    interrupt = lambda *_: os.kill(os.getpid(), number)  # noqa: E731
     with pytest.raises(KeyboardInterrupt):
-        run_together(
-            [Process("sleeper", SLEEP), talker], os.environ, lambda *_: os.kill(os.getpid(), number)
-        )
+        run_together([Process("sleeper", SLEEP), talker], os.environ, interrupt)
     assert signal.getsignal(number) is before
 
 
@@ -109,25 +104,17 @@ supervisor.run_together([node], os.environ, lambda _, line: print(line, flush=Tr
 @contextmanager
 def command_that_runs(*node, grace_s=0.5):
     """A command in a session of its own, its node, which is ready, and a descriptor of that."""
-    with subprocess.Popen(
-        [sys.executable, "-c", COMMAND, str(grace_s), *node],
-        stdout=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    ) as command:
+    words, pipe = [sys.executable, "-c", COMMAND, str(grace_s), *node], subprocess.PIPE
+    with subprocess.Popen(words, stdout=pipe, text=True, start_new_session=True) as command:
         assert command.stdout.readline() == "ready\n"
-        (keeper,) = children(command.pid)
-        (pid,) = children(keeper)
+        (keeper,) = children_of(command.pid)
+        (pid,) = children_of(keeper)
         descriptor = os.pidfd_open(pid)
         try:
             yield command, pid, descriptor
         finally:
             command.kill()
             os.close(descriptor)
-
-
-def children(pid):
-    return [int(each) for each in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def has_ended(descriptor, limit_s=PATIENCE_S):
@@ -144,17 +131,14 @@ def test_after_sigkill_of_the_command_or_its_group_a_node_ends_by_its_handler(tm
 
 
 @pytest.mark.parametrize("stopped", [False, True])
-def test_after_sigkill_of_the_command_a_node_that_does_not_end_is_killed(stopped):
+@pytest.mark.parametrize("killed", ["command", "keeper"])
+def test_after_sigkill_of_the_command_or_its_keeper_a_node_that_does_not_end_is_killed(
+    killed, stopped
+):
     with command_that_runs(STUBBORN) as (command, pid, node):
         assert not has_ended(node, 0.0)
         if stopped:
             os.kill(pid, signal.SIGSTOP)
-        command.kill()
-        assert has_ended(node)
-
-
-def test_a_node_ends_with_its_keeper():
-    with command_that_runs(STUBBORN) as (command, _, node):
-        (keeper,) = children(command.pid)
-        os.kill(keeper, signal.SIGKILL)
+        (keeper,) = children_of(command.pid)
+        os.kill(command.pid if killed == "command" else keeper, signal.SIGKILL)
         assert has_ended(node)

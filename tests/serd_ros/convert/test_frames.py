@@ -91,19 +91,22 @@ def test_a_frame_with_two_parents_is_refused_until_it_has_had_one_for_a_while(fr
         moved = transform("odom", "base_footprint", 3.0, 0.5, 0.2, **at(seconds))
         frames.take(moved, static=False)
 
-    other = transform("visual_odom", "base_footprint", 0.0, 0.0, 0.0, **at(0.1))
-    frames.take(other, static=is_static)
+    def visual(seconds, *, static):
+        other = transform("visual_odom", "base_footprint", 0.0, 0.0, 0.0, **at(seconds))
+        frames.take(other, static=static)
+
+    def assert_refused(sentence=""):
+        with pytest.raises(MessageError, match=f"must have one parent{sentence}"):
+            frames.place("base_link", "map")
+
+    visual(0.1, static=is_static)
     odom(0.2)
-    frames.take(transform("visual_odom", "base_footprint", 0.0, 0.0, 0.0, **at(0.25)), static=False)
-    with pytest.raises(MessageError, match="must have one parent"):
-        frames.place("base_link", "map")  # which the newest parent does not join
+    visual(0.25, static=False)
+    assert_refused()  # the newest parent does not join them
     odom(0.3)
-    sentence = "must have one parent, got 'base_footprint' in 'visual_odom' and in 'odom'; end what"
-    with pytest.raises(MessageError, match=sentence):
-        frames.place("base_link", "map")
+    assert_refused(", got 'base_footprint' in 'visual_odom' and in 'odom'; end what")
     odom(3.2)
-    with pytest.raises(MessageError, match="must have one parent"):
-        frames.place("base_link", "map")
+    assert_refused()
     odom(3.4)
     assert frames.place("base_link", "map").stamp_ns == at(3.4)["stamp_ns"]
 
@@ -155,10 +158,8 @@ def test_the_prefix_of_a_robot_is_added_to_its_own_frames_and_removed_from_all()
     frames.prefixed(odometry)
     frames.prefixed(odometry)  # a message that is published again keeps one prefix
     frames.prefixed(pose)
-    assert (odometry.header.frame_id, odometry.child_frame_id) == (
-        "robot1/odom",
-        "robot1/base_link",
-    )
+    found = odometry.header.frame_id, odometry.child_frame_id
+    assert found == ("robot1/odom", "robot1/base_link")
     assert pose.header.frame_id == "map"
     odometry.pose.pose.orientation.w = 1.0
     frames.remove_prefix(odometry)
@@ -168,11 +169,8 @@ def test_the_prefix_of_a_robot_is_added_to_its_own_frames_and_removed_from_all()
 def test_on_one_tf_a_robot_is_placed_by_its_own_frames():
     frames = Frames("robot1/")
     for robot, x_m in (("robot1", 1.0), ("robot2", 2.0)):
-        placed = x_m, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-        frames.take(Transform(Header(1, "map"), f"{robot}/odom", placed), static=False)
-        frames.take(
-            Transform(Header(1, f"{robot}/odom"), f"{robot}/base_link", placed), static=False
-        )
+        for parent, child in (("map", f"{robot}/odom"), (f"{robot}/odom", f"{robot}/base_link")):
+            frames.take(transform(parent, child, x_m, 0.0, 0.0), static=False)
     assert frames.place("base_link", "map").pose == (2.0, 0.0, 0.0)
     assert frames.place("robot1/base_link", "map").pose == (2.0, 0.0, 0.0)
     assert frames.place("robot2/base_link", "map").pose == (4.0, 0.0, 0.0)

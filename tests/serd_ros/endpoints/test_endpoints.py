@@ -1,10 +1,10 @@
 """What a scope makes ends with it, and no callback of it runs afterwards."""
 
 import pytest
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
-from std_msgs.msg import Int32
+from std_msgs.msg import Header, Int32
 from std_srvs.srv import Trigger
 
 from serd_files.errors import USER_ERRORS
@@ -68,22 +68,20 @@ def test_a_service_answers_with_the_sentence_of_an_error(running):
 
 def test_frames_come_without_the_prefix_of_the_robot_also_with_info_from_either_executor(running):
     subscribe, taken = running.node.endpoints.subscribe, []
+
+    def in_frame(frame):
+        return PoseStamped(header=Header(frame_id=frame))
+
     subscribe(PoseStamped, "pose", lambda message: taken.append(message.header.frame_id), qos.STATE)
     for frame in ("robot1/odom", "map"):
-        message = PoseStamped()
-        message.header.frame_id = frame
-        running.receive("pose", message)
-    assert taken == ["odom", "map"]
-    taken.clear()
+        running.receive("pose", in_frame(frame))
     subscribe(
-        TwistStamped, "command", lambda message, _: taken.append(message.header.frame_id), qos.STATE
+        PoseStamped, "other", lambda message, _: taken.append(message.header.frame_id), qos.STATE
     )
-    (found,) = [each for each in running.node.subscriptions if each.topic_name == "/command"]
-    for arguments in (lambda message: (message, {}), lambda message: ((message, {}),)):
-        message = TwistStamped()
-        message.header.frame_id = "robot1/base_link"
-        found.callback(*arguments(message))
-    assert taken == ["base_link", "base_link"]
+    (found,) = [each for each in running.node.subscriptions if each.topic_name == "/other"]
+    found.callback(in_frame("robot1/base_link"), {})
+    found.callback((in_frame("robot1/base_link"), {}))
+    assert taken == ["odom", "map", "base_link", "base_link"]
 
 
 def named(text):
@@ -98,10 +96,12 @@ def test_every_topic_of_the_graph_has_a_type_that_can_be_imported():
 
 
 def test_a_topic_of_the_stack_has_its_quality_of_service_and_any_other_follows_its_publishers():
-    name, kind = named("odom")
-    assert (name, kind.message, kind.qos) == ("odom", Odometry, qos.STATE)
-    name, kind = named("/base/imu:sensor_msgs/msg/Imu")
-    assert (name, kind.message, kind.qos) == ("/base/imu", Imu, None)
+    for text, expected in (
+        ("odom", ("odom", Odometry, qos.STATE)),
+        ("/base/imu:sensor_msgs/msg/Imu", ("/base/imu", Imu, None)),
+    ):
+        name, kind = named(text)
+        assert (name, kind.message, kind.qos) == expected
 
 
 @pytest.mark.parametrize(

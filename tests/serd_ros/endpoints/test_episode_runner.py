@@ -13,8 +13,7 @@ from serd_app.drives.drive import END
 from serd_app.navigation.navigator import ArrivalRow
 from serd_files.table import load_episodes, read_rows
 from serd_ros.convert.diagnostics import UNCOUNTED, from_episode_message, to_diagnostics
-from serd_ros.convert.motion import to_odometry, to_pose_stamped
-from serd_ros.convert.sensors import to_people_message
+from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import several_worlds
@@ -91,12 +90,8 @@ def test_a_reset_without_an_answer_is_requested_again(save_model_of):
         assert len(world.requests) == 2
 
 
-def observe(running, time_s, x_m=2.5, y_m=3.5):
-    seen = observation_at(x_m, y_m, 1.5, time_s=time_s)
-    if "/pedestrians" in {each.topic_name for each in running.node.subscriptions}:
-        running.receive("pedestrians", to_people_message(seen.people, time_s))
-    running.receive("odom", to_odometry(seen, (0.0, 0.0, 0.0)))
-    running.receive("robot_pose", to_pose_stamped(seen.pose, time_s))
+def observe(running, time_s, y_m=3.5):
+    running.observe(observation_at(2.5, y_m, 1.5, time_s=time_s))
 
 
 def report(running, time_s, n_contacts):

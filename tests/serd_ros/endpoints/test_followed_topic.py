@@ -14,7 +14,6 @@ from std_msgs.msg import Int32
 from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
 from serd_bag.messages.plain import Header, Transform, transforms
 from serd_ros.convert.frames import Frames
-from serd_ros.convert.motion import to_odometry
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import (
     FollowedTopic,
@@ -26,10 +25,9 @@ from serd_ros.endpoints.qos import common_qos, less_demanding
 from serd_ros.endpoints.robot import ObservationSource
 from serd_ros.endpoints.topic_types import TF_TYPE, TopicType, message_class, raw_message_class
 from serd_ros.settings import LocalisationConfig
-from support.nodes_in_process import deliver, node_in_process, other_participant
-from support.observations import observation_at
+from support.bag_messages import Messages
+from support.nodes_in_process import node_in_process, other_participant
 from support.people_messages import CLOUD, DETECTIONS, PEOPLE, TRACKED, PeopleMessages
-from support.transforms_message import transforms_message
 from support.valid_messages import valid_message
 from support.waiting import PATIENCE_S, wait_until
 
@@ -71,14 +69,9 @@ def test_messages_that_wait_are_taken_before_a_subscription_requests_less(runnin
     wait_until(lambda: node.count_publishers("number") == 2)
     running.call_timers()
     assert [each.data for each in taken] == [1, 2, 3]
-    (left,) = [each for each in node.subscriptions if each.topic_name == "/number"]
+    (left,) = running.subscriptions("number")
     assert left.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
     running.assert_alive()
-
-
-def durabilities(node):
-    found = [each for each in node.subscriptions if each.topic_name == "/number"]
-    return [each.qos_profile.durability for each in found]
 
 
 def test_a_latched_subscription_stays_beside_one_for_volatile_publishers(running):
@@ -89,7 +82,8 @@ def test_a_latched_subscription_stays_beside_one_for_volatile_publishers(running
     wait_until(lambda: node.count_publishers("number") == 2)
     for _ in range(2):
         running.call_timers()
-        assert durabilities(node) == [DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE]
+        found = [each.qos_profile for each in running.subscriptions("number")]
+        assert [qos.is_latched(each) for each in found] == [True, False]
     running.assert_alive()
 
 
@@ -120,31 +114,6 @@ def test_a_followed_topic_receives_what_latched_publishers_kept_and_then_all(run
     assert sorted(taken) == [1, 2, 3]
 
 
-START = 100.0
-
-
-class Located:
-    """Observations of a node by a source of poses."""
-
-    def __init__(self, running, **given):
-        self.running, self.seen = running, []
-        self.receive, self.wait = running.receive, running.wait
-        config = LocalisationConfig(stamp_tolerance_s=0.3, **given)
-        self.source = ObservationSource(
-            running.node.endpoints, 0.05, self.seen.append, config, needs_people=False
-        )
-
-    def odometry(self, time_s, pose):
-        self.receive("odom", to_odometry(observation_at(0.0, 0.0, 0.0, time_s=time_s), pose))
-
-    def pose(self, topic, time_s):
-        self.receive(topic, valid_message(topic, time_s))
-
-    @property
-    def state(self):
-        return len(self.seen), self.source._localisation.fault()
-
-
 @pytest.fixture
 def running():
     with node_in_process("teleop_mux") as found:
@@ -153,37 +122,37 @@ def running():
 
 
 def test_what_has_stopped_is_named_and_no_difference_of_clocks(running):
-    located = Located(running)
-    located.pose("robot_pose", START)
-    located.odometry(START + 9.0, (0.0, 0.0, 0.0))
-    missing = located.source._missing
-    assert missing()[0].startswith("odom is 9.000 s newer than robot_pose; at most")
-    located.wait(9.0)
-    located.odometry(START + 9.0, (0.0, 0.0, 0.0))
+    config = LocalisationConfig(stamp_tolerance_s=0.3)
+    source = ObservationSource(
+        running.node.endpoints, 0.05, lambda _: None, config, needs_people=False
+    )
+
+    def missing_after(topic, time_s):
+        running.receive(topic, valid_message(topic, time_s))
+        return source._missing()
+
+    missing_after("robot_pose", 100.0)
+    (missing,) = missing_after("odom", 109.0)
+    assert missing.startswith("odom is 9.000 s newer than robot_pose; at most")
+    running.wait(9.0)
     gone = "stopped 9 s ago: look at what publishes it"
-    assert missing() == [f"robot_pose {gone}"]
-    located.pose("robot_pose", START + 9.0)
-    located.wait(9.0)
-    located.pose("robot_pose", START + 18.0)
-    assert missing() == [f"odom {gone}"]
+    assert missing_after("odom", 109.0) == [f"robot_pose {gone}"]
+    missing_after("robot_pose", 109.0)
+    running.wait(9.0)
+    assert missing_after("robot_pose", 118.0) == [f"odom {gone}"]
 
 
 def test_of_a_message_with_a_bad_transform_the_others_are_taken(running):
     node, changes = running.node, []
     follow_transforms(node.endpoints, lambda: changes.append(node.frames.names))
     node.create_publisher(raw_message_class(message_type(TF_TYPE)), topics.TF, qos.TF)
-
-    def subscription():
-        found = [each for each in node.subscriptions if each.topic_name == "/tf"]
-        return found[0] if found else None
-
-    message = transforms_message(
-        ("map", "odom", (math.nan, 0.0), (0.0, 1.0), 1.0),
-        ("wheel", "tyre", (0.0, 0.0), (0.0, 3.0), 1.0),
-        ("odom", "moon", (3.8e8, 0.0), (0.0, 1.0), 1.0),
-        ("odom", "base_link", (2.0, 0.0), (0.0, 1.0), 1.0),
+    wait_until(lambda: running.subscriptions("tf"), turn=running.call_timers)
+    message = Messages().transforms(
+        ("map", "odom", (math.nan, 0.0, 0.0), 1.0),
+        ("odom", "moon", (3.8e8, 0.0, 0.0), 1.0),
+        ("odom", "base_link", (2.0, 0.0, 0.0), 1.0),
     )
-    deliver(wait_until(subscription, turn=running.call_timers), message)
+    running.receive("tf", message)
     assert changes == [("base_link", "odom")]
     assert node.frames.place("base_link", "odom").pose == (2.0, 0.0, 0.0)
     assert "1 x transforms must be finite" in running.rejected["rejected.tf"]
@@ -229,10 +198,6 @@ class Listening:
     def take(self, time_ns, people):
         self.taken.append((time_ns, people))
 
-    @property
-    def subscriptions(self):
-        return [each for each in self.running.node.subscriptions if each.topic_name == "/people"]
-
     def publish_as(self, name):
         """A publisher of the type, by which the topic is received from now on."""
         kind = message_class(message_type(name))
@@ -244,12 +209,13 @@ class Listening:
         wait_until(condition, turn=self.running.call_timers)
 
     def is_received_as(self, name):
-        return [each.msg_type.__name__ for each in self.subscriptions] == [name.rpartition("/")[2]]
+        found = self.running.subscriptions("people")
+        return [each.msg_type.__name__ for each in found] == [name.rpartition("/")[2]]
 
     def receive(self, name, step, count=2, **look):
         time_s = 100.0 + 0.1 * step
         there = (START_M + 0.1 * step * WALKS_MPS)[:count], WALKS_MPS[:count]
-        deliver(self.subscriptions[0], MADE.encode(name, time_s, *there, **look))
+        self.running.receive("people", MADE.encode(name, time_s, *there, **look))
 
 
 @pytest.fixture

@@ -108,12 +108,9 @@ def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(
     assert [each.log_time_ns for each in messages] == [900 * 10**9] * 2 + [5 * 10**9] * 2
 
 
-def test_a_topic_that_is_given_twice_is_refused_and_makes_no_folder(tmp_path):
-    topics = ["odom", "/odom:nav_msgs/msg/Odometry"]
-    with (
-        pytest.raises(USER_ERRORS, match="each topic once, got /odom twice"),
-        node_in_process("demo_recorder", output=str(tmp_path / "bag"), topics=topics),
-    ):
+def test_a_topic_that_is_given_twice_is_refused_and_makes_no_folder(record, tmp_path):
+    twice = record("odom", "/odom:nav_msgs/msg/Odometry")
+    with pytest.raises(USER_ERRORS, match="each topic once, got /odom twice"), twice:
         pass
     assert not (tmp_path / "bag").exists()
 
@@ -146,9 +143,9 @@ def test_a_replay_plays_the_part_that_is_wanted_again_and_again_or_once_and_stay
 
 
 def test_an_empty_part_of_a_bag_is_rejected_before_playing(small_bag):
-    given = {"bag": str(small_bag()), "start_s": 99999.0}
+    replay = node_in_process("bag_replay", bag=str(small_bag()), start_s=99999.0)
     with (
-        pytest.raises(NodeError, match=r"must hold a message to play, got none from 99999 s on"),
-        node_in_process("bag_replay", **given),
+        pytest.raises(NodeError, match="must hold a message to play, got none from 99999 s"),
+        replay,
     ):
         pass

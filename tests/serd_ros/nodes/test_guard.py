@@ -7,9 +7,10 @@ import pytest
 from geometry_msgs.msg import Twist
 from std_msgs.msg import Bool
 
-from serd_ros.convert.motion import to_odometry, to_pose_stamped
+from serd_ros.convert.motion import to_odometry, to_pose_stamped, to_twist
 from serd_ros.errors import NodeError
 from serd_ros.nodes import guard
+from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
 from support.valid_messages import valid_message
@@ -29,28 +30,20 @@ def running(monkeypatch):
         yield node
 
 
-def command(linear_mps):
-    message = Twist()
-    message.linear.x = linear_mps
-    return message
-
-
 def receive_command(running, age_s, linear_mps=0.3):
     """Deliver a command as an executor does that was sent some time ago."""
     (found,) = [each for each in running.node.subscriptions if "cmd_vel_raw" in each.topic_name]
     sent_ns = time.time_ns() - round(age_s * 1e9)
     info = {"received_timestamp": time.time_ns(), "source_timestamp": sent_ns}
-    found.callback(command(linear_mps), info)
+    found.callback(to_twist(Command(linear_mps, 0.0)), info)
     return running.sent["cmd_vel"].linear.x if "cmd_vel" in running.sent else 0.0
 
 
 def test_a_guard_that_would_take_its_own_output_as_command_is_refused():
     sentence = "cmd_vel_raw and cmd_vel must be two topics, got .* for both; remap one of them only"
-    for remappings in (["cmd_vel_raw:=cmd_vel"], ["cmd_vel_raw:=/cmd_vel"]):
-        with (
-            pytest.raises(NodeError, match=sentence),
-            node_in_process("guard", remappings=remappings),
-        ):
+    for name in ("cmd_vel", "/cmd_vel"):
+        remapped = node_in_process("guard", remappings=[f"cmd_vel_raw:={name}"])
+        with pytest.raises(NodeError, match=sentence), remapped:
             pass
     with node_in_process("guard", remappings=["cmd_vel_raw:=nav_vel"]) as running:
         for _ in range(3):
@@ -65,10 +58,8 @@ def test_a_second_publisher_of_commands_stands_the_robot_until_it_has_ended(runn
     others = [running.node.create_publisher(Twist, topic, 1) for _ in range(2)]
     running.call_timers()
     assert receive_command(running, 0.0) == 0.0
-    (status,) = running.sent["diagnostics"].status
-    values = {each.key: each.value for each in status.values}
-    assert values["reasons"] == f"{topic}: several publishers"
-    assert (values["action"], status.name) == ("STOP", "guard")
+    assert running.health["reasons"] == f"{topic}: several publishers"
+    assert (running.health["action"], running.health["name"]) == ("STOP", "guard")
     for each in others:
         running.node.destroy_publisher(each)
     running.call_timers()
@@ -97,9 +88,8 @@ def test_what_a_lidar_seems_to_mean_by_zero_is_reported(running):
         running.receive("scan", scan)
     running.wait(1.0)
     receive_command(running, 0.0)
-    values = {each.key: each.value for each in running.sent["diagnostics"].status[0].values}
-    assert "which seems to mean no return; set zero_is to free" in values["zero_ranges"]
-    assert not math.isnan(float(values["age_s.scan"]))
+    assert "which seems to mean no return; set zero_is to free" in running.health["zero_ranges"]
+    assert not math.isnan(float(running.health["age_s.scan"]))
 
 
 class Drive:
@@ -145,12 +135,8 @@ class Drive:
         """Seconds until the robot gets this speed."""
         since_s = self.time_s
         while self.tick(faults, **options) != pytest.approx(speed_mps):
-            assert self.time_s < since_s + 3.0, self.values
+            assert self.time_s < since_s + 3.0, self.running.health
         return self.time_s - since_s
-
-    @property
-    def values(self):
-        return {each.key: each.value for each in self.running.sent["diagnostics"].status[0].values}
 
 
 @pytest.fixture
@@ -171,7 +157,8 @@ FAULTS = {
 def test_a_fault_of_an_input_stands_the_robot_and_it_drives_on_afterwards(fault, drive):
     faults, reason = FAULTS[fault]
     assert drive.until(0.0, faults) <= 0.35
-    assert (drive.values["action"], reason in drive.values["reasons"]) == ("STOP", True)
+    assert drive.running.health["action"] == "STOP"
+    assert reason in drive.running.health["reasons"]
     drive.until(0.3)
     drive.running.assert_alive()
 
@@ -180,10 +167,10 @@ def test_a_held_override_drives_without_a_scan_and_is_reported(drive):
     faults = {"scan": "stops"}
     drive.until(0.0, faults)
     drive.until(0.3, faults, override=True)
-    assert drive.values["overridden"] == "True"
-    assert "scan: stamp too old" in drive.values["reasons"]
+    assert drive.running.health["overridden"] == "True"
+    assert "scan: stamp too old" in drive.running.health["reasons"]
     drive.until(0.0, faults)
-    assert drive.values["overridden"] == "False"
+    assert drive.running.health["overridden"] == "False"
 
 
 def test_a_command_from_before_a_pause_of_the_process_does_not_drive(drive):

@@ -32,11 +32,9 @@ from support.nodes_in_process import node_in_process
 from support.waiting import wait_until
 
 
-@contextmanager
 def world(**parameters):
-    """The node of a world in lock-step."""
-    with node_in_process("hallway_sim", lockstep=True, people=0, **parameters) as running:
-        yield running
+    """The node of a world without people."""
+    return node_in_process("hallway_sim", people=0, **parameters)
 
 
 @contextmanager
@@ -55,7 +53,7 @@ def driver_of(robot):
 
 def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
     kinds, taken = {"robot_description": String, "tf_static": TopicType(TF_TYPE).message}, {}
-    with node_in_process("hallway_sim", people=0, frame_prefix="robot1/"):
+    with world(frame_prefix="robot1/"):
         viewer = rclpy.create_node("viewer")  # which joins late
         for topic, kind in kinds.items():
             take = partial(taken.__setitem__, topic)
@@ -68,10 +66,8 @@ def test_the_urdf_and_a_path_from_each_of_its_links_to_the_base_are_latched():
     assert text == BUILTIN_URDF.read_text(encoding="utf-8")
     links = {each.get("name") for each in ElementTree.fromstring(text).findall("link")}
     assert {f"robot1/{link}" for link in links} == set(frames.names)
-    base = "robot1/base_link"
-    placed = {link: frames.place(f"robot1/{link}", base) for link in links}
-    assert len(placed) == 5
-    assert {each.stamp_ns for each in placed.values()} == {None}
+    placed = {link: frames.place(f"robot1/{link}", "robot1/base_link") for link in links}
+    assert [each.stamp_ns for each in placed.values()] == [None] * 5
     assert placed["right_wheel"].matrix[:3, 3] == pytest.approx([0.0, -0.16, 0.08])
 
 
@@ -101,7 +97,7 @@ def time_after_command(running):
 
 
 def test_a_request_waits_for_required_nodes_which_are_named():
-    with world(required_nodes=["scripted_expert"]) as running:
+    with world(lockstep=True, required_nodes=["scripted_expert"]) as running:
         assert ask(running) == (False, "node scripted_expert")
         with driver_of(running):
             assert not ask(running)[0]
@@ -112,7 +108,7 @@ def test_a_request_waits_for_required_nodes_which_are_named():
 @pytest.fixture
 def begun():
     """A world in its first episode, which waits ten seconds for a command."""
-    with world(lockstep_timeout_s=10.0) as running, driver_of(running):
+    with world(lockstep=True, lockstep_timeout_s=10.0) as running, driver_of(running):
         assert ask(running)[0]
         yield running
 
@@ -161,10 +157,7 @@ def test_a_request_of_a_driver_that_received_no_response_gets_the_same_episode(b
 def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved(
     has_driver, between, episodes
 ):
-    with (
-        node_in_process("hallway_sim", people=0) as running,
-        driver_of(running) if has_driver else nullcontext(),
-    ):
+    with world() as running, driver_of(running) if has_driver else nullcontext():
         found = [ask(running)]
         if between == "drive":
             running.receive("cmd_vel", Twist(linear=Vector3(x=0.5)))
@@ -179,8 +172,7 @@ def test_a_request_by_hand_begins_an_episode_once_the_robot_has_moved(
 
 @pytest.mark.parametrize("lockstep", [True, False])
 def test_a_start_area_that_the_scenario_lacks_ends_the_node(lockstep, capsys):
-    given = {"lockstep": lockstep, "people": 0, "start_area": "trian"}
-    with node_in_process("hallway_sim", **given) as running:
+    with world(lockstep=lockstep, start_area="trian") as running:
         if lockstep:
             success, message = ask(running)
             assert not success
@@ -192,7 +184,7 @@ def test_a_start_area_that_the_scenario_lacks_ends_the_node(lockstep, capsys):
 
 
 def test_a_live_world_stops_its_robot_after_silence_and_at_a_command_that_is_not_finite():
-    with node_in_process("hallway_sim", people=0) as running:
+    with world() as running:
         ask(running)
 
         def speed_after(n_periods, *commands_mps):
@@ -208,10 +200,15 @@ def test_a_live_world_stops_its_robot_after_silence_and_at_a_command_that_is_not
         running.assert_alive()
 
 
+def beside_another_clock(running):
+    made = running.node.create_publisher(Clock, "/clock", qos.CLOCK)
+    wait_until(lambda: running.node.count_publishers("/clock") == 2)
+    return made
+
+
 def test_a_world_does_not_begin_beside_another_silent_clock_and_ends_after_a_while(capsys):
-    with node_in_process("hallway_sim", people=0) as running:
-        clock = running.node.create_publisher(Clock, "/clock", qos.CLOCK)
-        wait_until(lambda: running.node.count_publishers("/clock") == 2)
+    with world() as running:
+        clock = beside_another_clock(running)
         look(running, 20.0)
         assert not running.published["clock"]
         running.node.destroy_publisher(clock)
@@ -219,9 +216,8 @@ def test_a_world_does_not_begin_beside_another_silent_clock_and_ends_after_a_whi
         look(running, 1.0)
         assert running.published["clock"] == 1
 
-    with node_in_process("hallway_sim", people=0) as running:
-        running.node.create_publisher(Clock, "/clock", qos.CLOCK)
-        wait_until(lambda: running.node.count_publishers("/clock") == 2)
+    with world() as running:
+        beside_another_clock(running)
         look(running, 26.0)
         assert running.node.finished.result() == BAD_INPUT
     assert "there must be one publisher of /clock, got 2" in capsys.readouterr().err

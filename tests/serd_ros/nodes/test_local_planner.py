@@ -3,9 +3,7 @@
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.motion import to_intent, to_odometry, to_pose_stamped, to_waypoint_message
-from serd_ros.convert.sensors import to_people_message
-from serd_ros.nodes import local_planner
+from serd_ros.convert.motion import to_intent, to_waypoint_message
 from serd_sim.world.waypoint import Waypoint
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
@@ -66,18 +64,9 @@ def test_unequal_stamps_are_named_where_equal_ones_are_required(planner):
     planner.wait(3.0)
     observe(planner, 11.5, "odom")
     planner.call_timers()
-    (status,) = planner.sent["diagnostics"].status
-    assert status.name == "local_planner: observation"
-    assert "odom is 0.500 s older than robot_pose; at most stamp_tolerance_s = 0" in status.message
-
-
-@pytest.fixture
-def seen(monkeypatch):
-    """The observations that the planner gets."""
-    observations = []
-    take = lambda _, observation: observations.append(observation)  # noqa: E731
-    monkeypatch.setattr(local_planner.Planning, "_on_observation", take)
-    return observations
+    assert planner.health["name"] == "local_planner: observation"
+    sentence = "odom is 0.500 s older than robot_pose; at most stamp_tolerance_s = 0"
+    assert sentence in planner.health["message"]
 
 
 class Lockstep:
@@ -88,10 +77,7 @@ class Lockstep:
 
     def answered(self, time_s, y_m, directive=None):
         n_before = self.running.published["cmd_vel_raw"]
-        seen = observation_at(2.5, y_m, 1.5, time_s=time_s)
-        self.running.receive("pedestrians", to_people_message(seen.people, time_s))
-        self.running.receive("odom", to_odometry(seen, (0.0, 0.0, 0.0)))
-        self.running.receive("robot_pose", to_pose_stamped(seen.pose, time_s))
+        self.running.observe(observation_at(2.5, y_m, 1.5, time_s=time_s))
         if isinstance(directive, Waypoint):
             self.running.receive("waypoint", to_waypoint_message(directive, time_s))
         elif directive is not None:
@@ -120,15 +106,3 @@ def test_in_lock_step_a_planner_waits_for_a_directive_where_a_decision_epoch_beg
     assert lockstep.answered(10.55, 4.11)
     assert not lockstep.answered(14.0, 3.6), "the first tick of an episode"
     assert lockstep.answered(14.0, 3.6, directive)
-
-
-@pytest.mark.parametrize(
-    ("directive", "length_s"), [(Action.NORTH, 4.0), (Waypoint(2.5, 3.5), 1.0)]
-)
-def test_in_lock_step_a_decision_that_leads_nowhere_ends_after_patience_and_one_to_wait_sooner(
-    lockstep, directive, length_s
-):
-    assert lockstep.answered(10.0, 3.5, directive)
-    n_ticks = round(length_s / 0.05)
-    assert all(lockstep.answered(10.0 + 0.05 * tick, 3.5) for tick in range(1, n_ticks))
-    assert not lockstep.answered(10.0 + length_s, 3.5)

@@ -35,10 +35,6 @@ def observe(running, time_s):
         running.receive(topic, valid_message(topic, time_s))
 
 
-def statuses(running):
-    return [(each.name, each.message) for each in running.sent["diagnostics"].status]
-
-
 def test_people_have_the_stamp_of_the_pose_and_the_frame_of_the_map(running):
     running.receive("scan", scan_at(10.0))
     observe(running, 10.0)
@@ -54,33 +50,27 @@ def test_people_have_the_stamp_of_the_pose_and_the_frame_of_the_map(running):
     assert "/pedestrians" not in subscribed  # its own people are not those of others
 
 
-def test_without_a_scan_no_people_are_published_and_with_one_of_nobody_none(running):
-    observe(running, 10.0)
-    assert running.published["pedestrians"] == 0
-    assert statuses(running) == [("people_tracker", "scan: no message yet")]
-    running.receive("scan", scan_at(10.05, people=np.zeros((0, 2))))
-    observe(running, 10.05)
-    assert running.published["pedestrians"] == 1
-
-
 def test_faults_are_reported_once_each_and_their_end_too(running):
-    running.receive("scan", scan_at(10.0))
+    observe(running, 9.9)
+    assert running.published["pedestrians"] == 0
+    assert running.health["message"] == "scan: no message yet"
+    running.receive("scan", scan_at(10.0, people=np.zeros((0, 2))))
     observe(running, 10.0)
-    assert running.published["diagnostics"] == 0
+    running.published["diagnostics"] = 0
     blind = scan_at(10.1)
     blind.ranges[:300] = type(blind.ranges)("f", [math.inf] * 300)
     running.receive("scan", blind)
     for time_s in (10.1, 10.15):
         observe(running, time_s)
     assert running.published["pedestrians"] == 1
-    assert statuses(running) == [("people_tracker", "scan: too few valid rays")]
+    assert running.health["message"] == "scan: too few valid rays"
     assert running.published["diagnostics"] == 1
     running.receive("scan", scan_at(10.2))
     observe(running, 10.2)
     assert running.published["pedestrians"] == 2
-    assert statuses(running) == [("people_tracker", "")]
+    assert running.health["message"] == ""
     observe(running, 10.7)
-    assert statuses(running) == [("people_tracker", "scan: stamp too old")]
+    assert running.health["message"] == "scan: stamp too old"
 
 
 @pytest.mark.parametrize(("prefix", "frame"), [("", "laser"), ("", "/laser"), ("a/", "a/laser")])

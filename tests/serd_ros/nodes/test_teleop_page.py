@@ -6,8 +6,7 @@ from std_msgs.msg import Bool, String
 from serd_app.teleop.page.hub import Away, EmergencyStop, Episode, Hold, Move
 from serd_core.grid.grid import Action
 from serd_ros.convert.diagnostics import to_diagnostics
-from serd_ros.convert.motion import from_intent, to_odometry, to_pose_stamped
-from serd_ros.convert.sensors import to_people_message
+from serd_ros.convert.motion import from_intent
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.nodes.watch_page import episode_values
 from serd_sim.episodes.episode import EpisodeStart
@@ -70,10 +69,7 @@ class Person:
 
     def observe(self, y_m=3.5):
         self.time_s = round(self.time_s + TICK_S, 3)
-        seen = observation_at(2.5, y_m, 1.5, time_s=self.time_s)
-        self.running.receive("pedestrians", to_people_message(seen.people, self.time_s))
-        self.running.receive("odom", to_odometry(seen, (0.0, 0.0, 0.0)))
-        self.running.receive("robot_pose", to_pose_stamped(seen.pose, self.time_s))
+        self.running.observe(observation_at(2.5, y_m, 1.5, time_s=self.time_s))
 
     def begin_episode(self):
         """The world is reset after a gap of its clock."""

@@ -1,7 +1,5 @@
 """The states of a managed node, and what is left of it afterwards."""
 
-from contextlib import contextmanager
-
 import pytest
 from rclpy.serialization import serialize_message
 
@@ -9,7 +7,7 @@ from serd_bag.reader import BagReader
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.graph.graph import config_of, load_graph
 from serd_ros.settings import ManagedConfig
-from support.nodes_in_process import node_in_process
+from support.nodes_in_process import needed_parameters, node_in_process
 
 MANAGED = sorted(kind for kind in load_graph().nodes if issubclass(config_of(kind), ManagedConfig))
 
@@ -17,21 +15,10 @@ MANAGED = sorted(kind for kind in load_graph().nodes if issubclass(config_of(kin
 @pytest.fixture
 def managed(tmp_path, save_model_of):
     """Makes a managed node with the parameters that it needs; `to` makes transitions."""
-    needed = {
-        "strategy": {"model": str(save_model_of())},
-        "learner": {"output": str(tmp_path / "learned.yaml")},
-        "demo_recorder": {"output": str(tmp_path / "bag")},
-    }
-
-    @contextmanager
-    def make(kind, **given):
-        given = {"managed": True, **needed.get(kind, {}), **given}
-        with node_in_process(kind, **given) as running:
-            running.lifecycle = running.node.lifecycle
-            yield running
-
-    make.needed = needed
-    return make
+    needed = needed_parameters(tmp_path, save_model_of())
+    return lambda kind, **given: node_in_process(
+        kind, **{"managed": True, **needed.get(kind, {}), **given}
+    )
 
 
 def to(running, *transitions):

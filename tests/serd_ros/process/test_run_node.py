@@ -1,20 +1,17 @@
 """A node ends between two callbacks after a signal, whenever the signal arrives; exit codes."""
 
-import math
 import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 import rclpy
-from domain_coordinator import domain_id
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from serd_ros.nodes.teleop_mux import TeleopJoyNode
-from serd_ros.process.run_node import _StopSignal, run_node
+from serd_ros.process.run_node import run_node
 from support.waiting import PATIENCE_S
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -29,41 +26,33 @@ def handlers():
         signal.signal(each, handler)
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-def test_the_first_signal_is_noted_and_the_second_interrupts(number):
-    stop = _StopSignal()
-    assert stop.received_s == math.inf
-    os.kill(os.getpid(), number)
-    assert stop.received_s <= time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        os.kill(os.getpid(), number)
-
-
 @pytest.fixture
-def own_domain(monkeypatch, tmp_path):
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    with domain_id() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        yield
+def own_domain(monkeypatch, ros_env):
+    for name in ("ROS_LOG_DIR", "ROS_DOMAIN_ID"):
+        monkeypatch.setenv(name, ros_env[name])
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
+def in_own_domain(test):
+    return pytest.mark.ros(pytest.mark.usefixtures("own_domain")(test))
+
+
+@in_own_domain
+@pytest.mark.parametrize("number", SIGNALS)
 @pytest.mark.parametrize(
     ("n_before", "n_after", "ends"), [(1, 0, ["teleop_joy"]), (0, 1, ["teleop_joy"]), (1, 1, [])]
 )
 def test_a_signal_ends_a_node_once_it_is_constructed_and_a_second_one_at_once(
-    n_before, n_after, ends
+    n_before, n_after, ends, number
 ):
     ended = []
 
     class Interrupted(TeleopJoyNode):
         def __init__(self):
             for _ in range(n_before):
-                os.kill(os.getpid(), signal.SIGTERM)
+                os.kill(os.getpid(), number)
             super().__init__("teleop_joy")
             for _ in range(n_after):
-                os.kill(os.getpid(), signal.SIGTERM)
+                os.kill(os.getpid(), number)
 
         def close(self):
             ended.append(self.get_name())
@@ -73,8 +62,7 @@ def test_a_signal_ends_a_node_once_it_is_constructed_and_a_second_one_at_once(
     assert not rclpy.ok()
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
+@in_own_domain
 def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
     def make_node():
         node = TeleopJoyNode("teleop_joy")
@@ -90,8 +78,7 @@ def test_a_node_with_an_internal_error_ends_with_exit_code_1(capfd):
     assert "teleop_joy: 1 internal errors, logged above" in capfd.readouterr().err
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
+@in_own_domain
 @pytest.mark.parametrize("fault", ["a service that is gone", "no response"])
 def test_an_answer_that_cannot_be_sent_ends_no_node(fault):
     asked, sent = [], []
@@ -146,8 +133,7 @@ raise SystemExit(run_node(Hanging))
 """
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
+@in_own_domain
 def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code():
     program = [sys.executable, "-c", HANGING_NODE]
     ended = subprocess.run(program, stdout=subprocess.PIPE, text=True, check=False)
@@ -157,10 +143,10 @@ def test_a_node_that_the_middleware_never_destroys_ends_with_its_exit_code():
 MANY = 1_000_000
 
 
-def received_by_a_node(receive, n_first):
+def received_by_a_node(n_answers, n_first):
     """Run a node that sends messages to itself; how many it received until it ended.
 
-    receive: called with the number of the message and a function that sends more.
+    n_answers: how many it sends in answer to the message of this number.
     """
     n_received = 0
 
@@ -172,14 +158,14 @@ def received_by_a_node(receive, n_first):
             for _ in range(count):
                 publisher.publish(Bool())
 
-        def count_and_receive(_):
+        def receive(_):
             nonlocal n_received
             n_received += 1
             if n_received == 1:
                 os.kill(os.getpid(), signal.SIGTERM)
-            receive(n_received, publish)
+            publish(n_answers(n_received))
 
-        node.create_subscription(Bool, "own", count_and_receive, 1000)
+        node.create_subscription(Bool, "own", receive, 1000)
         publish(n_first)
         return node
 
@@ -187,17 +173,13 @@ def received_by_a_node(receive, n_first):
     return n_received
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
+@in_own_domain
 def test_a_signal_ends_a_node_that_receives_more_than_it_can_process():
     """Its executor finds the next event before it looks at the time."""
-    receive = lambda number, publish: publish(int(number < MANY))  # noqa: E731
-    assert received_by_a_node(receive, n_first=5) < MANY
+    assert received_by_a_node(lambda number: int(number < MANY), n_first=5) < MANY
 
 
-@pytest.mark.ros
-@pytest.mark.usefixtures("own_domain")
+@in_own_domain
 def test_after_a_signal_a_node_takes_what_it_has_received_before(monkeypatch):
     monkeypatch.setattr("serd_ros.process.run_node._BACKLOG_S", PATIENCE_S)
-    receive = lambda number, publish: publish(300 if number == 1 else 0)  # noqa: E731
-    assert received_by_a_node(receive, n_first=1) == 301
+    assert received_by_a_node(lambda number: 300 * (number == 1), n_first=1) == 301

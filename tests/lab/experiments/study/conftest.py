@@ -26,14 +26,13 @@ def problem(study):
     return study.problem
 
 
-def decisions_of(role, study):
-    place = study.scenario
-    found, _ = demonstrations_of_bag(
-        BAGS / role, study.problem.grid, place.patience_s, place.wait_s
-    )
-    return found
+@pytest.fixture(scope="session")
+def shipped(study):
+    """Decisions of the bag of a role, and what was left out of them."""
+    given = study.problem.grid, study.scenario.patience_s, study.scenario.wait_s
+    return lambda role: demonstrations_of_bag(BAGS / role, *given)
 
 
 @pytest.fixture(scope="session")
-def shipped_sets(study):
-    return DemonstrationSets(**{role: decisions_of(role, study) for role in ROLES})
+def shipped_sets(shipped):
+    return DemonstrationSets(**{role: shipped(role)[0] for role in ROLES})

@@ -16,9 +16,13 @@ def tables(predicted, measured, n_episodes=10):
     return ArrivalTables(np.array(predicted), np.array(measured), n_episodes, LONG_S)
 
 
-def test_a_prediction_that_is_two_steps_late_is_four_seconds_off(settings):
-    late = tables([step_at(12)] * 3, [step_at(10)] * 3)
-    row = distance_row(late, settings.statistics, np.random.default_rng(0))
+@pytest.fixture
+def row_of(settings):
+    return lambda found: distance_row(found, settings.statistics, np.random.default_rng(0))
+
+
+def test_a_prediction_that_is_two_steps_late_is_four_seconds_off(row_of):
+    row = row_of(tables([step_at(12)] * 3, [step_at(10)] * 3))
     assert row["ks"] == 1.0
     assert row["wasserstein_s"] == row["crps_s"] == 2 * LONG_S
     assert row["predicted_mean_s"] - row["measured_mean_s"] == pytest.approx(2 * LONG_S)
@@ -26,19 +30,17 @@ def test_a_prediction_that_is_two_steps_late_is_four_seconds_off(settings):
     assert row["ks_p_value"] < 0.01
 
 
-def test_errors_that_cancel_out_are_seen_by_the_score_alone(settings):
-    crossed = tables([step_at(8), step_at(12)], [step_at(12), step_at(8)])
-    row = distance_row(crossed, settings.statistics, np.random.default_rng(0))
+def test_errors_that_cancel_out_are_seen_by_the_score_alone(row_of):
+    row = row_of(tables([step_at(8), step_at(12)], [step_at(12), step_at(8)]))
     assert row["ks"] == 0.0
     assert row["crps_s"] == 4 * LONG_S
 
 
-def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_late(settings):
-    rng = np.random.default_rng(2)
-    measured = np.sort(rng.random((3, 21)))
+def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_late(row_of):
+    measured = np.sort(np.random.default_rng(2).random((3, 21)))
     measured[:, -1] = 0.8
     late = tables(0.5 * measured, measured)
-    row = distance_row(late, settings.statistics, rng)
+    row = row_of(late)
     # Who never arrives counts with the limit, 20 steps, in both means.
     assert row["wasserstein_s"] == pytest.approx(row["predicted_mean_s"] - row["measured_mean_s"])
     assert row["arrival_error"] == pytest.approx(-0.4)

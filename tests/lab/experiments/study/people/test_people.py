@@ -23,6 +23,28 @@ SERIAL = Execution(n_jobs=1)
 TINY = "training_people: 16\nstatistics: {bootstrap: 20}\n"
 
 
+_FPS, _WIDTH_M = 16, 2.4
+
+
+def corridor(folder, name="corridor", *, n_people=40, seed=0):
+    """A file of people who walk 10 m both ways with a pace of their own and sway; rows in cm."""
+    rng = np.random.default_rng(seed)
+    rows = [f"# framerate: {_FPS} fps", "# id frame x/cm y/cm z/cm"]
+    for person in range(n_people):
+        speed = float(np.exp(rng.normal(0.1, 0.15)))
+        time_s = np.arange(0, 10.0 / speed, 1 / _FPS)
+        middle, drift = rng.uniform(0.3, _WIDTH_M - 0.3), rng.normal(0, 0.05)
+        x_m = (-1 if person % 2 else 1) * (speed * time_s - 5.0)
+        y_m = middle + drift * time_s + 0.05 * np.sin(2 * time_s + person)
+        y_m = np.clip(y_m, 0.1, _WIDTH_M - 0.1)
+        first = round((0.5 + 1.2 * person) * _FPS)
+        for step, (x, y) in enumerate(zip(x_m, y_m, strict=True)):
+            rows.append(f"{person + 1} {first + step} {100 * x:.2f} {100 * y:.2f} 170")
+    path = folder / f"{name}.txt"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
 def settings_of(files, tmp_path, extra="", **given):
     config = tmp_path / "tiny.yaml"
     config.write_text(TINY + extra)
@@ -30,8 +52,8 @@ def settings_of(files, tmp_path, extra="", **given):
 
 
 @pytest.mark.slow
-def test_the_study_runs_from_a_file_to_tables_and_resumes(corridor, tmp_path):
-    settings = settings_of([corridor()], tmp_path)
+def test_the_study_runs_from_a_file_to_tables_and_resumes(tmp_path):
+    settings = settings_of([corridor(tmp_path)], tmp_path)
     folder, calls = tmp_path / "people", []
     tables = run_people(settings, folder, SERIAL, lambda *each: calls.append(each))
     assert not any(stage.missing for stage in stages_of(PeopleStudy(settings, folder / "work")))
@@ -60,8 +82,8 @@ def test_the_study_runs_from_a_file_to_tables_and_resumes(corridor, tmp_path):
 
 
 @pytest.mark.parametrize("n_files", [1, 2])
-def test_no_person_is_on_both_sides_of_a_fold(corridor, tmp_path, n_files):
-    files = [corridor(f"run{i}", seed=i, n_people=60) for i in range(n_files)]
+def test_no_person_is_on_both_sides_of_a_fold(tmp_path, n_files):
+    files = [corridor(tmp_path, f"run{i}", seed=i, n_people=60) for i in range(n_files)]
     settings = settings_of(files, tmp_path, "folds: {number: 3, gap_s: 1.5}\n")
     people = People.read(settings)
     folds = folds_of(people.runs, settings.folds)
@@ -76,8 +98,9 @@ def test_no_person_is_on_both_sides_of_a_fold(corridor, tmp_path, n_files):
                 assert apart >= 1.5
 
 
-def test_decisions_are_the_way_of_a_person_cell_by_cell(corridor, tmp_path):
-    people = People.read(settings_of([corridor("a", seed=1), corridor("b", seed=2)], tmp_path))
+def test_decisions_are_the_way_of_a_person_cell_by_cell(tmp_path):
+    files = [corridor(tmp_path, name, seed=seed) for name, seed in (("a", 1), ("b", 2))]
+    people = People.read(settings_of(files, tmp_path))
     decisions, place = people.decisions, people.place
     assert decisions.hidden.all()
     assert not decisions.censored.any()
