@@ -42,7 +42,7 @@ from serd_core.posterior.coordinates import gauge_free_basis
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.divergence import pseudo_count_of
+from serd_core.priors.divergence import pseudo_counts_of
 from serd_core.semi_markov.gamma_law import fisher_information
 from serd_core.semi_markov.models import SemiMarkovModels
 
@@ -99,12 +99,12 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
     space, posterior = found.coordinates, found.posterior
     problem, at = found.problem, space.parameters(found.mode)
     models, group = learned_outcomes(found)
-    pseudo_count = pseudo_count_of(posterior.prior, group)
+    pseudo_counts = pseudo_counts_of(posterior.prior, group, models)
     seen = posterior.observations
     state, action = np.divmod(seen.key // models.n_states, models.n_actions)
     of_model = models.model_of[state, action]
     n_decisions = weighted_counts(of_model, seen.group_count, models.n_models)
-    counted, precision = _counted(posterior, models, pseudo_count)
+    counted, precision = _counted(posterior, models, pseudo_counts)
     joint, n_features = _joint_covariance(found, models), len(problem.feature_names)
     size, rewards = models.n_outcomes - 1, np.arange(n_features)
     away = models.energies(at.truth - counted) @ _contrasts(models).T
@@ -119,11 +119,11 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         partner.append(int(np.argmax(each)))
     draws = laplace_draws(found, np.random.default_rng(0), N_DRAWS)
     limits = interval(models.local_probabilities(draws.truth), mass)
-    worth = pseudo_count * models.n_outcomes + n_decisions
+    worth = pseudo_counts.sum(axis=1) + n_decisions
     counts = worth[:, None] * models.local_probabilities(counted)
     return OutcomeInformation(
         n_decisions=n_decisions,
-        from_transitions=_dirichlet_divergence(counts, pseudo_count),
+        from_transitions=_dirichlet_divergence(counts, pseudo_counts),
         from_choices=np.array(by_choices),
         shared=np.array(shared),
         partner=np.array(partner),
@@ -153,14 +153,15 @@ def learned_outcomes(found: Laplace) -> tuple[OutcomeModels, tuple[Block, ...]]:
 
 
 def _counted(
-    posterior: Posterior, models: OutcomeModels, count: float
+    posterior: Posterior, models: OutcomeModels, pseudo_counts: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """What transitions alone leave: energies, and (M, K - 1, K - 1) precisions."""
-    estimate = most_likely_dynamics(models, posterior.observations, count)
+    estimate = most_likely_dynamics(models, posterior.observations, pseudo_counts)
     energies = models.parameters_of(estimate.probabilities)
     counts = posterior.observations.counts(models)
     size = models.n_energies
-    bend = models.beta * count * models.n_outcomes * models.local_jacobian(energies)[:, :size]
+    totals = np.repeat(pseudo_counts.sum(axis=1), models.n_outcomes)
+    bend = models.beta * totals[:, None] * models.local_jacobian(energies)[:, :size]
     bend -= log_transition_hessian(models, energies, counts)[:size, :size]
     shape = (models.n_models, models.n_outcomes) * 2
     own = np.arange(models.n_models)
@@ -194,10 +195,10 @@ def _normal_divergence(covariance: FloatArray, precision: FloatArray, moved: Flo
     return max(0.0, float(0.5 * (np.trace(ratio) - len(moved) + apart - log_det)))
 
 
-def _dirichlet_divergence(counts: FloatArray, pseudo: float) -> FloatArray:
-    """(M,) KLD of Dirichlet(counts) from Dirichlet(pseudo, ..., pseudo)."""
-    total, size = counts.sum(axis=1), counts.shape[1]
-    log_volumes = gammaln(total) - gammaln(size * pseudo) + size * gammaln(pseudo)
+def _dirichlet_divergence(counts: FloatArray, pseudo: FloatArray) -> FloatArray:
+    """(M,) KLD of Dirichlet(counts) from Dirichlet(pseudo), both (M, K)."""
+    total = counts.sum(axis=1)
+    log_volumes = gammaln(total) - gammaln(pseudo.sum(axis=1)) + gammaln(pseudo).sum(axis=1)
     moved = np.sum((counts - pseudo) * (psi(counts) - psi(total)[:, None]), axis=1)
     # Of equal distributions, rounding leaves a little above or below 0.
     return np.asarray(np.maximum(log_volumes - gammaln(counts).sum(axis=1) + moved, 0.0))

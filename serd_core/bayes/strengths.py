@@ -1,9 +1,12 @@
 """MDCE SERD with the prior whose strengths the evidence chooses: the default of `fit_mdce_serd`.
 
-    w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c)
+    w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c r, ..., c)
 
-sigma and c maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay
-1992), without which few decisions would drive strengths to infinity. The fit starts without chance:
+sigma, c and, where models have an intended outcome, the ratio r of its pseudo-count to the others
+maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay 1992),
+without which few decisions would drive strengths to infinity. By r, a model that no decision shows
+is expected to have the outcome that it intends as often as the models that were seen. The fit
+starts without chance:
 reward weights from zero under the dynamics of the start, then both at once. From then on every
 change of the prior starts at the last maximum.
 """
@@ -18,6 +21,8 @@ from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
 from serd_core.ascent.trust_region import SHORT, NewtonAscent
 from serd_core.bayes.laplace import laplace_at
 from serd_core.checks import require_positive
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FixedBelief, TiedBelief
@@ -34,6 +39,7 @@ from serd_core.semi_markov.models import has_laws
 HYPERPRIORS = {
     "deviation": (3.0, 0.7),
     "pseudo_count": (1.0, 0.5),
+    "intended_ratio": (3.0, 1.0),
     "dwell_deviation": (1.0, 0.5),
 }
 
@@ -44,8 +50,9 @@ class PriorByEvidence:
 
     deviation: sigma of the weights, in nats over the range of a feature; pseudo_count: c of the
     outcomes; dwell_deviation: sd of log mean dwell times around a common one, where moves take time
-    (`DwellPrior`). None for the one of highest evidence; few laws hold hardly any evidence of their
-    deviation, and a small one makes moves that nobody makes as fast as the others.
+    (`DwellPrior`); intended_ratio: r, of models with an intended outcome. None for the one of
+    highest evidence; few laws hold hardly any evidence of their deviation, and a small one makes
+    moves that nobody makes as fast as the others.
 
         fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(pseudo_count=1.0))
     """
@@ -53,18 +60,21 @@ class PriorByEvidence:
     deviation: float | None = None
     pseudo_count: float | None = None
     dwell_deviation: float | None = 1.0
+    intended_ratio: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("deviation", "pseudo_count", "dwell_deviation"):
+        for name in HYPERPRIORS:
             if (value := getattr(self, name)) is not None:
                 require_positive(f"{name} of PriorByEvidence", value, "use None to find it")
 
-    def strengths(self, belief: Belief, *, timed: bool = False) -> "Strengths":
-        """The strengths that a fit under the belief has; timed: whether moves take time."""
+    def strengths(self, belief: Belief, model: TransitionModel) -> "Strengths":
+        """The strengths that a fit of the model under the belief has."""
         given: dict[str, float | None] = {"deviation": self.deviation}
         if belief.learns_dynamics:
             given["pseudo_count"] = self.pseudo_count
-            if timed:
+            if isinstance(model.moves, OutcomeModels) and model.moves.intended is not None:
+                given["intended_ratio"] = self.intended_ratio
+            if has_laws(model):
                 given["dwell_deviation"] = self.dwell_deviation
         if isinstance(belief, CoupledBelief):
             raise SerdError(
@@ -121,7 +131,8 @@ class Strengths:
         if (Block.BELIEF,) in self.belief.groups:
             blocks.append(Block.BELIEF)
         for block in blocks:
-            prior = prior + DirichletPrior(values["pseudo_count"], block)
+            ratio = values.get("intended_ratio", 1.0)
+            prior = prior + DirichletPrior(values["pseudo_count"], block, ratio)
             if "dwell_deviation" in values:
                 prior = prior + DwellPrior(values["dwell_deviation"], block)
         return prior
@@ -135,7 +146,7 @@ def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
             widths = np.atleast_1d(term.standard_deviation) * feature_ranges(problem)
             found["deviation"] = float(widths[0])
         elif isinstance(term, DirichletPrior):
-            found["pseudo_count"] = term.pseudo_count
+            found |= {"pseudo_count": term.pseudo_count, "intended_ratio": term.intended_ratio}
         elif isinstance(term, DwellPrior):
             found["dwell_deviation"] = term.deviation
     return found
@@ -289,14 +300,14 @@ def fit_by_evidence(
         )
     space = coordinates(posterior.problem, belief, start)
     search = EvidenceSearch(posterior, on_step, space, space.of(start))
-    timed = has_laws(posterior.problem.mdp.transitions)
-    strengths = by_evidence.strengths(belief, timed=timed)
+    model = posterior.problem.mdp.transitions
+    strengths = by_evidence.strengths(belief, model)
     logs = strengths.start
     if staged and belief.learns_dynamics:
         stages = [FixedBelief()] if belief == TiedBelief() else [FixedBelief(), TiedBelief()]
         for stage in stages:
             search.free(stage)
-            prepared = by_evidence.strengths(stage, timed=timed)
+            prepared = by_evidence.strengths(stage, model)
             if stage.learns_dynamics:
                 found = best_strengths(search, prepared, prepared.start)[0]
                 logs = strengths.logs(prepared.values(found))

@@ -23,7 +23,7 @@ from serd_core.posterior.coordinates import Coordinates
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
-from serd_core.priors.divergence import DirichletPrior, pseudo_count_of, require_outcome_models
+from serd_core.priors.divergence import DirichletPrior, pseudo_counts_of, require_outcome_models
 from serd_core.priors.prior import SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
@@ -37,13 +37,13 @@ class OutcomeGroup:
     """Outcome models that are learned as one.
 
     place: of their parameters among the free numbers; laws: part of it for dwell times.
-    pseudo_count: c of their prior, 0 where that is no Dirichlet density.
+    pseudo_counts: (M, K) c of their prior, 0 where that is no Dirichlet density.
     """
 
     blocks: tuple[Block, ...]
     place: slice
     laws: slice
-    pseudo_count: float
+    pseudo_counts: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,11 +196,15 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
     if seen.dwells is not None:
         gradient += at.zeros().with_block(Block.TRUTH, seen.dwells.evaluate(at.truth)[1])
         hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
-    size = require_outcome_models(mdp.transitions, "this density").n_energies
+    models = require_outcome_models(mdp.transitions, "this density")
+    size = models.n_energies
     groups = []
     for blocks, place in belief.places(at):
         if Block.REWARD not in blocks:
-            laws, count = slice(place.start + size, place.stop), pseudo_count_of(priors, blocks)
+            laws, count = (
+                slice(place.start + size, place.stop),
+                pseudo_counts_of(priors, blocks, models),
+            )
             groups.append(OutcomeGroup(blocks, place, laws, count))
     return Surrogate(
         posterior=without,

@@ -3,14 +3,14 @@
 At a wall several outcomes of a model lead to one cell, so transitions inform about a sum of their
 probabilities. With n_E transitions that a set E of outcomes explains, the posterior is
 
-    p(w, P | D)  ~  prod_m [ Dirichlet(P_m; c) prod_E (sum_{k in E} P_m(k))^n_mE ]  N(w) L(w, P)
+    p(w, P | D)  ~  prod_m [ Dirichlet(P_m; c_m) prod_E (sum_{k in E} P_m(k))^n_mE ]  N(w) L(w, P)
 
 with L the likelihood of choices and N all priors but the Dirichlet densities. A block of outcomes
 whose prior is another counts as weights w. Let L^ be close to L (`serd_core.bayes.surrogate`) and
 p^ be p with L^ for L. A sweep takes the following steps in random order, each with the probability
 min(1, ratio), and leaves p^ as it is (docs/evidence.md has the reasons):
 
-    outcomes of a model   x_E ~ Multinomial(n_E, P_k / sum_E P),   P' ~ Dirichlet(c + sum_E x_E),
+    outcomes of a model   x_E ~ Multinomial(n_E, P_k / sum_E P),   P' ~ Dirichlet(c_m + sum_E x_E),
                           with probability 7/10 w' = w + A (P' - P);    ratio (N L^)' / (N L^)
     weights               w' = w + a normal step;                       ratio (N L^)' / (N L^)
     log odds of a model   energies and a normal step;                   ratio p^' / p^
@@ -116,6 +116,11 @@ class _Model:
     slope: FloatArray
     walk: _Walk
 
+    @property
+    def pseudo_counts(self) -> FloatArray:
+        """(K,) c of the outcomes, 0 where their prior is no Dirichlet density."""
+        return np.asarray(self.group.pseudo_counts[self.number])
+
     def of_sets(self, log_outcomes: FloatArray) -> FloatArray:
         """(n, g, K) log P of (n, K) where an outcome is in a set, elsewhere -inf."""
         return np.where(self.explaining > 0, log_outcomes[:, None], -np.inf)
@@ -140,7 +145,7 @@ class _Chains:
         # Free numbers that are reward weights, or outcomes that have another prior.
         self.shifted = np.ones(len(near.mode), dtype=np.bool_)
         for group in near.groups:
-            self.shifted[group.place.start : group.laws.start] = group.pseudo_count == 0
+            self.shifted[group.place.start : group.laws.start] = not group.pseudo_counts.any()
         self.models = _models(near, root, precision, sets, self.shifted)
         laws = [np.arange(group.laws.start, group.laws.stop) for group in near.groups]
         self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
@@ -159,7 +164,7 @@ class _Chains:
         ]
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
-            if model.group.pseudo_count:
+            if model.pseudo_counts.any():
                 steps.append(partial(self._redraw_outcomes, model))
         steps += [partial(self._redraw_law, row) for row in self.laws]
         points, log_near = self.points, self.log_near
@@ -207,7 +212,7 @@ class _Chains:
         shares = np.exp(of_sets - np.logaddexp.reduce(of_sets, axis=2, keepdims=True))
         counts = self.set_counts[:, model.sets].astype(np.int64)
         completed = self.rng.multinomial(counts, shares).sum(axis=1)
-        drawn = self._log_dirichlet(model.group.pseudo_count + completed)
+        drawn = self._log_dirichlet(model.pseudo_counts + completed)
         moved = self.points.copy()
         moved[:, model.walk.rows] = drawn / self.near.model.beta
         shift = (np.exp(drawn) - np.exp(logs)) @ model.slope.T
@@ -236,7 +241,7 @@ class _Chains:
         """(n,) log density of the transitions and the Dirichlet prior of one model."""
         logs = self.near.log_outcomes(points, model.group)[:, model.number]
         observed = self.set_counts[:, model.sets] * np.logaddexp.reduce(model.of_sets(logs), axis=2)
-        return np.asarray(observed.sum(axis=1) + model.group.pseudo_count * logs.sum(axis=1))
+        return np.asarray(observed.sum(axis=1) + logs @ model.pseudo_counts)
 
     def _draw_actions(self) -> None:
         """Complete the counts of each chain by a draw of the hidden actions."""

@@ -57,28 +57,28 @@ class DynamicsEstimate:
 
 @dataclass(frozen=True, eq=False)
 class OutcomeCounts:
-    """The objective of one model: (G, K) sets of outcomes, (G,) counts and c."""
+    """The objective of one model: (G, K) sets of outcomes, (G,) counts and (K,) c."""
 
     explaining: FloatArray
     counts: FloatArray
-    pseudo_count: float
+    pseudo_counts: FloatArray
 
     @property
     def total(self) -> float:
         """All observations and pseudo-observations."""
-        return float(self.counts.sum() + self.pseudo_count * self.explaining.shape[1])
+        return float(self.counts.sum() + self.pseudo_counts.sum())
 
     def objective(self, probabilities: FloatArray) -> float:
         """What is maximised, at (K,) positive probabilities."""
         observed = float(self.counts @ np.log(self.explaining @ probabilities))
-        return observed + self.pseudo_count * float(np.sum(np.log(probabilities)))
+        return observed + float(self.pseudo_counts @ np.log(probabilities))
 
     def newton(self, probabilities: FloatArray) -> tuple[FloatArray, float, float]:
         """(K,) relative move x, x^T A x, and the slope of the objective along x."""
         shares = self.explaining * probabilities / (self.explaining @ probabilities)[:, None]
-        wanted = self.pseudo_count + self.counts @ shares
+        wanted = self.pseudo_counts + self.counts @ shares
         curvature = (shares * self.counts[:, None]).T @ shares
-        curvature[np.diag_indices_from(curvature)] += self.pseudo_count
+        curvature[np.diag_indices_from(curvature)] += self.pseudo_counts
         both = np.stack([wanted - self.total * probabilities, probabilities], axis=1)
         by_slope, by_sum = np.linalg.solve(curvature, both).T
         move = by_slope - (probabilities @ by_slope) / (probabilities @ by_sum) * by_sum
@@ -89,10 +89,10 @@ def maximum_of(
     counts: OutcomeCounts, probabilities: FloatArray, tolerance: float, max_steps: int
 ) -> DynamicsEstimate:
     """Damped Newton steps from (K,) probabilities until the decrement certifies the tolerance."""
-    n_outcomes = len(probabilities)
-    weight = min(1.0, counts.pseudo_count)
+    n_outcomes, fewest = len(probabilities), float(counts.pseudo_counts.min())
+    weight = min(1.0, fewest)
     # A slope is rounded to some units of the total; the curvature is at least the pseudo-count.
-    least = float(np.sqrt(counts.pseudo_count) * np.sqrt(weight))
+    least = float(np.sqrt(fewest) * np.sqrt(weight))
     rounding = (n_outcomes + 3) * EPSILON * counts.total / least
     bound = np.inf
     if rounding > LARGEST_ROUNDING:
@@ -154,17 +154,21 @@ def estimate_dynamics(
 def most_likely_dynamics(
     model: OutcomeModels,
     observations: Observations,
-    pseudo_count: float = 1.0,
+    pseudo_count: float | FloatArray = 1.0,
     *,
     tolerance: float = 1e-9,
     max_steps: int = 200,
 ) -> DynamicsEstimate:
-    """Find the M-estimate by steps that share, and then by Newton's until it is certified."""
-    require_positive("pseudo_count", pseudo_count)
+    """Find the M-estimate by steps that share, and then by Newton's until it is certified.
+
+    pseudo_count: of every outcome, or (M, K).
+    """
+    require_positive("pseudo_count", np.min(pseudo_count))
+    pseudo = np.broadcast_to(pseudo_count, model.local_shape).astype(np.float64)
     seen, found = outcome_sets(model, observations), []
-    for m, start in enumerate(_shared(model, seen, pseudo_count)):
+    for m, start in enumerate(_shared(model, seen, pseudo)):
         mine = seen.model == m
-        counts = OutcomeCounts(seen.explaining[mine], seen.count[mine], pseudo_count)
+        counts = OutcomeCounts(seen.explaining[mine], seen.count[mine], pseudo[m])
         found.append(maximum_of(counts, start, tolerance, max_steps))
     return DynamicsEstimate(
         probabilities=np.array([each.probabilities for each in found]),
@@ -194,13 +198,13 @@ def outcome_sets(model: OutcomeModels, observations: Observations) -> OutcomeSet
     return OutcomeSets(distinct[:, 0], distinct[:, 1:].astype(np.float64), count)
 
 
-def _shared(model: OutcomeModels, seen: OutcomeSets, pseudo_count: float) -> FloatArray:
+def _shared(model: OutcomeModels, seen: OutcomeSets, pseudo: FloatArray) -> FloatArray:
     """(M, K) after some steps of expectation maximisation, of all models together."""
     probabilities = np.full((model.n_models, model.n_outcomes), 1.0 / model.n_outcomes)
     for _ in range(SHARING_STEPS):
         weights = seen.explaining * probabilities[seen.model]
         shared = weights * (seen.count / weights.sum(axis=1))[:, None]
-        probabilities = np.full_like(probabilities, pseudo_count)
+        probabilities = pseudo.copy()
         np.add.at(probabilities, seen.model, shared)
         probabilities /= probabilities.sum(axis=1, keepdims=True)
     return probabilities

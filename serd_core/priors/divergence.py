@@ -2,12 +2,12 @@
 
     KldPrior        -lambda sum_{s,a} w(s,a) sum_s' Q(s'|s,a) log(Q(s'|s,a) / P_theta(s'|s,a))
     CouplingPrior   -lambda sum_{s,a,s'} P_T(s'|s,a) log(P_T(s'|s,a) / P_TE(s'|s,a))
-    DirichletPrior  sum_m [ c sum_k log P_m(k) - log B(c, ..., c) ]
+    DirichletPrior  sum_m [ sum_k c_mk log P_m(k) - log B(c_m) ]
 
 The gradient of the first is +lambda sum Q dP/P: the sign printed in (4.92) is wrong, as the finite
 difference shows. Over energies a Dirichlet density has the exponents c, not c - 1, as the volume
 element adds prod_k P(k): so its maximum under observed transitions is the M-estimate with
-pseudo-count c (MacKay, Machine Learning 33, 1998).
+pseudo-counts c (MacKay, Machine Learning 33, 1998).
 """
 
 from dataclasses import dataclass, replace
@@ -133,14 +133,19 @@ class DirichletPrior(Prior):
 
     The log density is c sum log P over the outcomes of a block, `Block.TRUTH` or `Block.BELIEF`.
 
+    intended_ratio: how many times as much is added to the outcome that a model intends
+    (`OutcomeModels.intended`). Models that no decision shows share by it what the others show.
+
         fit = sc.fit_mdce_serd(problem, decisions, rng=rng, prior=sc.DirichletPrior(1.0))
     """
 
     pseudo_count: float
     block: Block = Block.TRUTH
+    intended_ratio: float = 1.0
 
     def __post_init__(self) -> None:
         require_positive("pseudo_count of DirichletPrior", self.pseudo_count)
+        require_positive("intended_ratio of DirichletPrior", self.intended_ratio)
         require_kind("block", self.block, (Block,), "Block.TRUTH")
         require_dynamics_block("DirichletPrior", self.block)
 
@@ -148,39 +153,56 @@ class DirichletPrior(Prior):
     def blocks(self) -> tuple[Block, ...]:
         return (self.block,)
 
+    def counts(self, models: OutcomeModels) -> FloatArray:
+        """(M, K) pseudo-counts c_mk; SerdError where no outcome is intended and the ratio not 1."""
+        table = np.full((models.n_models, models.n_outcomes), float(self.pseudo_count))
+        if self.intended_ratio != 1.0:
+            if models.intended is None:
+                raise SerdError(
+                    "intended_ratio of DirichletPrior needs OutcomeModels with `intended`, got"
+                    f" {self.intended_ratio} for models without; leave it out"
+                )
+            table[np.arange(models.n_models), models.intended] *= self.intended_ratio
+        return table
+
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        """c sum log P and its gradient, of outcome models beta c (1 - K P)."""
+        """Sum of c log P and its gradient, of outcome models beta (c - P sum_k c)."""
         models = require_outcome_models(model, "DirichletPrior")
         table = models.local_probabilities(parameters.block(self.block))
-        gradient = models.beta * self.pseudo_count * (1.0 - models.n_outcomes * table)
+        counts = self.counts(models)
+        gradient = models.beta * (counts - counts.sum(axis=1, keepdims=True) * table)
         return LogPrior(
-            self.pseudo_count * float(np.sum(np.log(floored(table)))),
+            float(np.sum(counts * np.log(floored(table)))),
             parameters.zeros().with_block(
                 self.block, padded(gradient.ravel(), (model.n_parameters,))
             ),
         )
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        """In the part of the block, of outcome models -beta c K dP."""
+        """In the part of the block, of outcome models -beta dP sum_k c."""
         theta = parameters.block(self.block)
         models = require_outcome_models(model, "DirichletPrior")
-        scale = -models.beta * self.pseudo_count * models.n_outcomes
-        table = padded(scale * models.local_jacobian(theta), (len(theta), len(theta)))
+        totals = np.repeat(self.counts(models).sum(axis=1), models.n_outcomes)
+        slopes = -models.beta * totals[:, None] * models.local_jacobian(theta)
+        table = padded(slopes, (len(theta), len(theta)))
         return parameters.placed(self.block, table)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
-        """M times the volume of the coordinates over B(c, ..., c)."""
+        """Of each model the volume of the coordinates over B(c_m)."""
         del parameters
         models = require_outcome_models(model, "DirichletPrior")
-        count, size = self.pseudo_count, models.n_outcomes
-        log_beta = size * gammaln(count) - gammaln(size * count)
-        return models.n_models * (log_volume(models) - float(log_beta))
+        counts = self.counts(models)
+        log_beta = gammaln(counts).sum(axis=1) - gammaln(counts.sum(axis=1))
+        return models.n_models * log_volume(models) - float(log_beta.sum())
 
 
-def pseudo_count_of(prior: Prior, blocks: tuple[Block, ...]) -> float:
-    """c of the Dirichlet prior on one of some blocks, 0 where they have none."""
-    factors = [each for each in terms_of(prior) if isinstance(each, DirichletPrior)]
-    return sum(each.pseudo_count for each in factors if each.block in blocks)
+def pseudo_counts_of(prior: Prior, blocks: tuple[Block, ...], models: OutcomeModels) -> FloatArray:
+    """(M, K) c of the Dirichlet prior on one of some blocks, 0 where they have none."""
+    table = np.zeros((models.n_models, models.n_outcomes))
+    for factor in terms_of(prior):
+        if isinstance(factor, DirichletPrior) and factor.block in blocks:
+            table += factor.counts(models)
+    return table
 
 
 def log_volume(models: OutcomeModels) -> float:

@@ -103,7 +103,8 @@ def test_units_of_features_and_names_of_actions_do_not_matter(gridworld, by_evid
 
 def test_strengths_are_where_the_evidence_is_highest(gridworld, by_evidence):
     found = strengths_of(by_evidence.assumptions.prior, gridworld.problem)
-    strengths = BY_EVIDENCE.strengths(by_evidence.assumptions.belief)
+    model = gridworld.problem.mdp.transitions
+    strengths = BY_EVIDENCE.strengths(by_evidence.assumptions.belief, model)
     best = np.log([found["deviation"], found["pseudo_count"]])
 
     def worth(logs):

@@ -139,7 +139,7 @@ COUNTS = np.array([30.0, 12.0, 2.0, 5.0])
 
 @pytest.mark.parametrize("start", [(1e-9, 1e-9), (1e-9, 0.5), (0.5, 1e-9), (0.999, 5e-4)])
 def test_newtons_method_reaches_the_maximum_from_far_away_without_a_loss(start):
-    counts = OutcomeCounts(SETS, COUNTS, 0.25)
+    counts = OutcomeCounts(SETS, COUNTS, np.full(SETS.shape[1], 0.25))
     exact = maximum_of(counts, np.full(3, 1 / 3), 1e-9, 100).probabilities
     probabilities = np.array([*start, 1.0 - sum(start)])
     found = maximum_of(counts, probabilities, 1e-9, 100)

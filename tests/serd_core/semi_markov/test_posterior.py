@@ -77,7 +77,7 @@ def test_the_likelihood_of_dwell_times_is_that_of_a_sum_over_outcomes(seen):
 )
 def test_gradient_and_hessian_are_those_of_differences(case, belief):
     (timed, truth, decisions), rng = drawn(*case), np.random.default_rng(9)
-    strengths = PriorByEvidence(2.0, 1.3, 0.8).strengths(belief, timed=True)
+    strengths = PriorByEvidence(2.0, 1.3, 0.8).strengths(belief, timed.mdp.transitions)
     prior = strengths.prior(timed, np.zeros(0))
     posterior = Posterior(timed, observe(timed, decisions), MdcePolicy(), prior)
     at = truth + rng.normal(0.0, 0.2, len(truth))
