@@ -77,7 +77,7 @@ class FileEnd:
             and +found.counts == +Counter(stated.channel_message_counts)
             and found.counts.total() == stated.message_count
             and self.definitions.have(found.counts)
-            and (found.first_ns or 0, found.last_ns or 0)
+            and (found.first_ns, found.last_ns)
             == (stated.message_start_time, stated.message_end_time)
         )
 

@@ -17,7 +17,7 @@ from serd_bag.formats.limits import WRONG_TIMES
 from serd_bag.formats.mcap.data_section import IN_AREAS, Area, DataSection
 from serd_bag.formats.mcap.definitions import DEFINITIONS, Definitions
 from serd_bag.formats.mcap.file_end import FileEnd
-from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
+from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, copied_index
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.topic import RawMessage, Topic
 
@@ -98,6 +98,7 @@ class McapScan:
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
         counts, names = self._counts, dict[int, tuple[str, str] | None]()
         block, offset, end, is_chunk, is_torn = area
+        positions = section.positions
         left, last, n_unknown, n_other, n_untimed = section.n_records, offset, 0, 0, 0
         for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
             if offset + message_size > end or block[offset] != _MESSAGE:
@@ -116,6 +117,8 @@ class McapScan:
                 last, offset = offset, following
                 continue
             last, offset = offset, following
+            if positions is not None:
+                positions.extend((number, log_time, last - area.start))
             if (log_time | publish_time) >> 63:
                 n_untimed += 1
                 continue
@@ -224,7 +227,7 @@ class McapScan:
             section.note(fault)
         if any(one == other for one, other in pairwise(self._end.index.starts)):
             section.note("the summary lists a chunk twice")
-        copied = (index_of_record(window, *each) for each in self.copied)
+        copied = (copied_index(window, *each) for each in self.copied)
         for fault in self._end.index.faults_of_copied(list(copied)):
             section.note(fault)
         stated = self._end.statistics

@@ -37,7 +37,7 @@ from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
 from serd_bag.errors import BagError, disk_errors
-from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex, index_of_record
+from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex, copied_index
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.formats.rosbag2.layout import FileSpan
 from serd_bag.formats.rosbag2.message_types import MessageType
@@ -159,7 +159,7 @@ class McapWriter:
 
     def copy_record(self, source: FileWindow, offset: int, length: int) -> None:
         """Append an attachment or metadata record of another file; `rosbag2` is left out."""
-        index = index_of_record(source, offset, length)
+        index = copied_index(source, offset, length)
         if index.name == _METADATA_NAME and isinstance(index, MetadataIndex):
             return
         self.flush()

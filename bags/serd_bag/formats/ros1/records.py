@@ -257,7 +257,7 @@ class Walk:
     def _beginning(self) -> int:
         """Return where the records begin, and the end of the file if they cannot be read."""
         size = self._window.size
-        found = _MAGIC.match(self._window.peek(0, _LONGEST_MAGIC))
+        found = _MAGIC.match(self._window.read(0, _LONGEST_MAGIC))
         if not size:
             self._log.note(None, "the file seems to be empty", "record it again")
         elif not found:
@@ -272,10 +272,10 @@ class Walk:
 
     def _record(self, offset: int) -> Record:
         """Read the record there; raises BagError if none begins or one but a chunk is cut off."""
-        head = self._window.peek(offset, LONGEST_CHUNK_HEAD)
+        head = self._window.read(offset, LONGEST_CHUNK_HEAD)
         size = header_size(head)
         if size > len(head):
-            head = self._window.peek(offset, size)
+            head = self._window.read(offset, size)
         found = record_at(head, 0, len(head))
         record = Record(found.fields, offset + found.start, offset + found.end)
         is_whole = record.end <= self._window.size and record.end - record.start <= LARGEST_CONTENT
@@ -307,7 +307,7 @@ class Walk:
         found: list[Entry] = []
         while (record := self._record_or_none(offset)) and record.kind == INDEX:
             offset = record.end
-            data = self._window.peek(record.start, record.end - record.start)
+            data = self._window.read(record.start, record.end - record.start)
             entries = entries_of(record, data)
             if entries is None:
                 self._log.note(place, "a chunk is damaged (its index has not the size it states)")
@@ -334,7 +334,7 @@ class Walk:
             return
         if self._index_start is None:
             self._index_start = place
-        data = self._window.peek(record.start, record.end - record.start)
+        data = self._window.read(record.start, record.end - record.start)
         try:
             if record.kind == CONNECTION:
                 number, connection = connection_of(record, data)
