@@ -68,25 +68,20 @@ class McapWriter:
         self._chunk_indexes: list[ChunkIndex] = []
         self._chunk = bytearray()
         self._indexes: dict[int, MessageIndex] = {}
-        self._statistics = Statistics(
-            attachment_count=0,
-            channel_count=0,
-            channel_message_counts=Counter(),
-            chunk_count=0,
-            message_count=0,
-            message_end_time=0,
-            message_start_time=0,
-            metadata_count=1,
-            schema_count=0,
-        )
+        #: messages on the disk by channel
+        self._counts: Counter[int] = Counter()
         self._file.append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
 
     @property
     def span(self) -> FileSpan:
         """Number and times of the messages on the disk."""
-        found = self._statistics
-        times = (found.message_start_time, found.message_end_time) if found.message_count else ()
-        return FileSpan(self._file.path.name, found.message_count, *times)
+        filled = [each for each in self._chunk_indexes if each.message_index_offsets]
+        return FileSpan(
+            self._file.path.name,
+            self._counts.total(),
+            min((each.message_start_time for each in filled), default=None),
+            max((each.message_end_time for each in filled), default=None),
+        )
 
     @property
     def size(self) -> int:
@@ -105,15 +100,16 @@ class McapWriter:
 
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic; returns its channel number."""
-        schema = self._schemas.get(topic.message_type) or self._add_schema(topic.message_type)
-        metadata = {
-            "offered_qos_profiles": qos_text(topic.qos),
-            "topic_type_hash": topic.message_type.type_hash,
-        }
+        kind = topic.message_type
+        schema = self._schemas.get(kind)
+        if schema is None:
+            schema = Schema(len(self._schemas) + 1, kind.text.encode(), kind.encoding, kind.name)
+            self._schemas[kind] = schema
+            self._define(schema)
+        metadata = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": kind.type_hash}
         number = len(self._channels) + 1
         channel = Channel(number, topic.name, topic.encoding, metadata, schema.id)
         self._channels.append(channel)
-        self._statistics.channel_count += 1
         self._indexes[number] = MessageIndex(number, [])
         self._define(channel)
         return number
@@ -135,7 +131,15 @@ class McapWriter:
             return
         indexes = [index for index in self._indexes.values() if index.records]
         times = [time_ns for index in indexes for time_ns, _ in index.records]
-        chunk = self._sealed_chunk(min(times, default=0), max(times, default=0))
+        content, packed = bytes(self._chunk), self._compression == "zstd"
+        chunk = Chunk(
+            compression="zstd" if packed else "",
+            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
+            message_end_time=max(times, default=0),
+            message_start_time=min(times, default=0),
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
+        )
         block = bytearray(_encoded(chunk))
         length, offsets = len(block), {}
         for index in indexes:
@@ -154,7 +158,9 @@ class McapWriter:
         )
         self._file.append(block)
         self._chunk_indexes.append(entry)
-        self._count(indexes, chunk)
+        for index in indexes:
+            self._counts[index.channel_id] += len(index.records)
+            index.records.clear()
         self._chunk.clear()
 
     def copy_record(self, source: FileWindow, offset: int, length: int) -> None:
@@ -167,8 +173,6 @@ class McapWriter:
         for start in range(offset, offset + length, _BLOCK):
             self._file.append(source.read(start, min(_BLOCK, offset + length - start)))
         self._copied.append(index)
-        self._statistics.attachment_count += isinstance(index, AttachmentIndex)
-        self._statistics.metadata_count += isinstance(index, MetadataIndex)
 
     def finish(self, metadata: dict[str, str]) -> None:
         """Write the last chunk, the metadata record `rosbag2` and the summary; close."""
@@ -182,14 +186,6 @@ class McapWriter:
     def close(self) -> None:
         """Close the file as it is."""
         self._file.close()
-
-    def _add_schema(self, message_type: MessageType) -> Schema:
-        text = message_type.text.encode()
-        schema = Schema(len(self._schemas) + 1, text, message_type.encoding, message_type.name)
-        self._schemas[message_type] = schema
-        self._statistics.schema_count += 1
-        self._define(schema)
-        return schema
 
     def _define(self, record: Schema | Channel) -> None:
         if not self._chunk:
@@ -206,50 +202,31 @@ class McapWriter:
             if age <= _REPEATED_AT_ONCE or age & (age - 1) == 0:
                 self._chunk += record
 
-    def _sealed_chunk(self, first_ns: int, last_ns: int) -> Chunk:
-        content = bytes(self._chunk)
-        packed = self._compression == "zstd"
-        return Chunk(
-            compression="zstd" if packed else "",
-            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
-            message_end_time=last_ns,
-            message_start_time=first_ns,
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-
-    def _count(self, indexes: Sequence[MessageIndex], chunk: Chunk) -> None:
-        """Add the messages of a chunk that was written to the statistics."""
-        found, first_ns = self._statistics, chunk.message_start_time
-        if indexes:
-            earlier_ns = found.message_start_time if found.message_count else first_ns
-            found.message_start_time = min(earlier_ns, first_ns)
-            found.message_end_time = max(found.message_end_time, chunk.message_end_time)
-        for index in indexes:
-            found.message_count += len(index.records)
-            found.channel_message_counts[index.channel_id] += len(index.records)
-            index.records.clear()
-        found.chunk_count += 1
-
     def _summary(self, start: int) -> bytes:
         """All records from `start` to the end of the file."""
-        groups: dict[int, Sequence[McapRecord]] = {
-            Opcode.SCHEMA: list(self._schemas.values()),
-            Opcode.CHANNEL: self._channels,
-            Opcode.STATISTICS: [self._statistics],
-            Opcode.CHUNK_INDEX: self._chunk_indexes,
-            Opcode.ATTACHMENT_INDEX: [
-                each for each in self._copied if isinstance(each, AttachmentIndex)
-            ],
-            Opcode.METADATA_INDEX: [
-                each for each in self._copied if isinstance(each, MetadataIndex)
-            ],
-        }
+        attachments = [each for each in self._copied if isinstance(each, AttachmentIndex)]
+        metadata = [each for each in self._copied if isinstance(each, MetadataIndex)]
+        span = self.span
+        statistics = Statistics(
+            attachment_count=len(attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=span.n_messages,
+            message_end_time=span.last_ns or 0,
+            message_start_time=span.first_ns or 0,
+            metadata_count=len(metadata),
+            schema_count=len(self._schemas),
+        )
+        groups: tuple[Sequence[McapRecord], ...] = (
+            *(list(self._schemas.values()), self._channels, [statistics]),
+            *(self._chunk_indexes, attachments, metadata),
+        )
         summary, offsets = bytearray(), []
-        for opcode, records in groups.items():
+        for records in groups:
             group = b"".join(map(_encoded, records))
             if group:
-                offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
+                offsets.append(SummaryOffset(group[0], start + len(summary), len(group)))
             summary += group
         offset_start = start + len(summary)
         summary += b"".join(map(_encoded, offsets))
