@@ -9,7 +9,7 @@ off, reading continues at the next message of the index behind it.
 
 from collections import Counter
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +26,6 @@ from serd_bag.formats.ros1.records import (
     Connection,
     Entry,
     Part,
-    Record,
     Walk,
     connection_of,
     record_at,
@@ -73,7 +72,6 @@ class Ros1Scan:
         self.expected: int | None = None
         self.n_left_out = 0
         self._connections: dict[int, Connection] = {}
-        self._listed: dict[int, Connection] = {}
 
     @property
     def damage(self) -> list[Damage]:
@@ -82,14 +80,11 @@ class Ros1Scan:
 
     def topics(self) -> list[Topic]:
         """Topics of the file, by its index if that is right; of several types the first."""
-        log = DamageLog(self.path)
-        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
-            walk = _ended(Walk(FileWindow(stream), log))
-            known = walk.connections
-            if log or any(walk.faults()):
-                for _ in self.messages(frozenset()):
-                    pass
-                known = {**self._listed, **self._connections}
+        known = self._index.connections
+        if self._index.log or any(self._index.faults()):
+            for _ in self.messages(frozenset()):
+                pass
+            known = {**known, **self._connections}
         found: dict[str, Topic] = {}
         for connection in known.values():
             topic = _converted(connection).topic
@@ -99,15 +94,13 @@ class Ros1Scan:
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all; publish times are the log times."""
         n_broken = n_unknown = 0
+        if self._index.counts:
+            self.expected = sum(sum(counts.values()) for counts in self._index.counts.values())
         with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
             window = FileWindow(stream)
-            index = _ended(Walk(window, DamageLog(self.path)))
-            self._listed = index.connections
-            if index.counts:
-                self.expected = sum(sum(counts.values()) for counts in index.counts.values())
             walk = Walk(window, self._log)
             for part in walk.parts():
-                for found in self._messages_of(part, window, index):
+                for found in self._messages_of(part, window):
                     number, time_ns, _ = found.entry
                     connection = self._connection(number)
                     if connection is None:
@@ -126,7 +119,8 @@ class Ros1Scan:
                     yield RawMessage(name, type_name, converted, time_ns, time_ns)
             for fault in walk.faults():
                 self._note(fault)
-            if self._listed and self._connections.keys() - self._listed.keys():
+            listed = self._index.connections
+            if listed and self._connections.keys() - listed.keys():
                 self._note("the index does not have all connections of the chunks")
         self.n_left_out = n_broken + n_unknown
         if n_unknown:
@@ -134,7 +128,16 @@ class Ros1Scan:
         if n_broken:
             self._note(f"{n_broken} messages do not fit the definition of their type")
 
-    def _messages_of(self, part: Part, window: FileWindow, index: Walk) -> Iterator[_Found]:
+    @cached_property
+    def _index(self) -> Walk:
+        """The walk through the file that has found all that stands outside of its chunks."""
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            walk = Walk(FileWindow(stream), DamageLog(self.path))
+            for _ in walk.parts():
+                pass
+        return walk
+
+    def _messages_of(self, part: Part, window: FileWindow) -> Iterator[_Found]:
         """Yield the messages of a chunk, or the one outside of chunks."""
         place, record, entries = part
         size = min(record.end, window.size) - record.start
@@ -169,7 +172,7 @@ class Ros1Scan:
             and not (len(entries) == counts.total() and places >= set(entries))
         ):
             fault = "the index behind it does not fit its messages"
-        if not fault and index.counts.get(place, counts) != counts:
+        if not fault and self._index.counts.get(place, counts) != counts:
             fault = "the index counts other messages than it has"
         if fault:
             self._log.note(place, f"a chunk is damaged ({fault})")
@@ -184,9 +187,17 @@ class Ros1Scan:
         offset = last = begin
         before: int | None = None
         while offset < end:
-            found = _inner_record(block, offset, end)
-            if isinstance(found, str):
-                yield found
+            try:
+                record = record_at(block, offset, end)
+                if record.end > end or record.kind not in (MESSAGE, CONNECTION):
+                    raise BagError("a record in it is cut off")
+                data = block[record.start : record.end]
+                if record.kind == CONNECTION:
+                    self._add(*connection_of(record, data))
+                else:
+                    entry = record.number(b"conn"), record.time_ns(), offset - begin
+            except BagError as error:
+                yield str(error)
                 later = (each for each in entries if each[2] > last - begin)
                 places = (
                     begin + each[2]
@@ -196,15 +207,10 @@ class Ros1Scan:
                 offset = next(places, end)
                 last, before = offset, None
                 continue
-            record, content = found
-            if isinstance(content, Connection):
-                self._add(record.number(b"conn"), content)
+            if record.kind == CONNECTION:
                 before = offset if before is None else before
             else:
-                number, time_ns = content
-                start = offset if before is None else before
-                data = block[record.start : record.end]
-                yield _Found((number, time_ns, offset - begin), start - begin, data)
+                yield _Found(entry, entry[2] if before is None else before - begin, data)
                 before = None
             last, offset = offset, record.end
 
@@ -213,40 +219,14 @@ class Ros1Scan:
         kept = self._connections.setdefault(number, connection)
         if kept != connection:
             self._note(f"connection {number} is defined twice, in different ways")
-            if self._listed.get(number) == connection:
+            if self._index.connections.get(number) == connection:
                 self._connections[number] = connection
 
     def _connection(self, number: int) -> Connection | None:
-        return self._connections.get(number) or self._listed.get(number)
+        return self._connections.get(number) or self._index.connections.get(number)
 
     def _note(self, what: str) -> None:
         self._log.note(None, what)
-
-
-def _ended(walk: Walk) -> Walk:
-    """Go through all parts of a walk, and return the walk."""
-    for _ in walk.parts():
-        pass
-    return walk
-
-
-def _inner_record(
-    block: bytes, offset: int, end: int
-) -> tuple[Record, Connection | tuple[int, int]] | str:
-    """Read the record there in a chunk; returns a sentence if none begins there.
-
-    Returned with the record is the connection, or the number of the connection and the time of a
-    message.
-    """
-    try:
-        record = record_at(block, offset, end)
-        if record.end > end or record.kind not in (MESSAGE, CONNECTION):
-            return "a record in it is cut off"
-        if record.kind == CONNECTION:
-            return record, connection_of(record, block[record.start : record.end])[1]
-        return record, (record.number(b"conn"), record.time_ns())
-    except BagError as error:
-        return str(error)
 
 
 def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
