@@ -15,7 +15,7 @@ from pathlib import Path
 
 import zstandard
 
-from serd_bag.damage import Damage, FileCount, Losses, losses, missing_messages
+from serd_bag.damage import Damage, FileScan, Losses, losses, missing_messages
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_CONTENT, MOST_FAULTS, most_unpacked
 from serd_bag.formats.mcap.scan import McapScan
@@ -59,30 +59,28 @@ class BagReader:
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all."""
         wanted = None if topics is None else frozenset(topics)
-        counts: Counter[str] = Counter()
-        files: list[FileCount] = []
+        scans: list[tuple[Path, FileScan]] = []
         self.copied = []
         for file, scan in self._scans():
-            n_broken = 0
+            broken: Counter[str] = Counter()
             for message in scan.messages(wanted):
                 if not message.data.startswith(_COMPRESSED):
                     yield message
-                elif (data := _decompressed(message.data)) is None:
-                    n_broken += 1
-                else:
+                elif (data := _decompressed(message.data)) is not None:
                     yield message._replace(data=data)
+                else:
+                    broken[message.topic] += 1
+            scan.counts.subtract(broken)
+            scan.n_left_out += broken.total()
+            scans.append((file, scan))
             self.has_checksums &= scan.has_checksums
-            counts.update(scan.counts)
-            n_read = scan.counts.total() - n_broken
-            n_left_out = scan.n_left_out + n_broken
-            files.append(FileCount(file, n_read, scan.expected, n_left_out))
-            if isinstance(scan, McapScan):
-                self.copied.append((scan.path, scan.copied))
+            self.copied.append((scan.path, scan.copied))
             self._report(scan.damage, file)
-            if n_broken:
-                what = f"{n_broken} compressed messages cannot be unpacked"
+            if broken:
+                what = f"{broken.total()} compressed messages cannot be unpacked"
                 self._report([Damage(file, None, what)])
-        self.losses = losses(self.layout, files)
+        self.losses = losses(self.layout, scans)
+        counts = sum((scan.counts for _, scan in scans), Counter())
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])
 
@@ -92,7 +90,7 @@ class BagReader:
             if not self.tolerant:
                 self._report(scan.damage, file)
 
-    def _scans(self) -> Iterator[tuple[Path, McapScan | SqliteScan | Ros1Scan]]:
+    def _scans(self) -> Iterator[tuple[Path, FileScan]]:
         """Each file of the bag and what reads it."""
         for file, path in zip(self.layout.files, self._files.paths, strict=True):
             if path.suffix == ".mcap":

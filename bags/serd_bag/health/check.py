@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from serd_bag.damage import at_most, missing_messages
+from serd_bag.damage import missing_messages
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
 from serd_bag.formats.mcap.file_end import FileEnd
@@ -236,9 +236,15 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
         remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
-    faults, remarks = (at_most(each, MOST_FAULTS) for each in (faults, remarks))
     n_lost = reader.losses.n_messages
-    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks), n_lost)
+    return BagCheck(Path(path), topics, _at_most(faults), _at_most(remarks), n_lost)
+
+
+def _at_most(lines: list[str]) -> tuple[str, ...]:
+    """The first lines; the last one states how many are left out."""
+    if len(lines) <= MOST_FAULTS:
+        return tuple(lines)
+    return (*lines[: MOST_FAULTS - 1], f"{len(lines) - MOST_FAULTS + 1} more are not listed")
 
 
 def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:

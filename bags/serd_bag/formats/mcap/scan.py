@@ -4,14 +4,14 @@ Reads record by record, unpacking messages itself, for which the reader of `mcap
 twice as long. Each kind of fault becomes a Damage.
 """
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator
 from itertools import groupby, pairwise
 from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from serd_bag.damage import Damage, DamageLog
+from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, disk_errors
 from serd_bag.formats.limits import WRONG_TIMES
 from serd_bag.formats.mcap.data_section import IN_AREAS, Area, DataSection
@@ -24,49 +24,29 @@ from serd_bag.topic import RawMessage, Topic
 _MESSAGE = int(Opcode.MESSAGE)
 
 
-class McapScan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`.
+class McapScan(FileScan):
+    """One pass through one MCAP file.
 
-    expected: number of messages by the summary, None without one.
-    n_left_out: messages that were found, but are not among those given.
-    copied: (offset, length) of each sound attachment and metadata record.
-    has_checksums: whether all messages have them.
-    thorough: compare the index behind each chunk with the chunk.
+    thorough: compare the index behind each chunk, and that of the summary, with the chunk.
     size: of the file as it was recorded, which limits what is read; None for its size here.
     """
 
     def __init__(self, path: Path, *, thorough: bool = False, size: int | None = None) -> None:
-        self.path = path
-        self.copied: list[tuple[int, int]] = []
+        super().__init__(path)
         self.has_checksums = True
-        self.n_left_out = 0
-        self._log = DamageLog(path)
         self._end = FileEnd(path)
         # Those of the data count, where the summary is not known to be right.
         is_known = self._end.states_contents
         self._definitions = (
             self._end.definitions if is_known else Definitions(self._end.definitions)
         )
-        statistics = self._end.statistics
-        self.expected = statistics.message_count if statistics else None
+        if self._end.statistics is not None:
+            self.expected = self._end.statistics.message_count
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
         self._looked_in: Area | None = None
         self._recorded_size = size
         self._looks_back = True
-
-    @property
-    def damage(self) -> list[Damage]:
-        """Each kind of fault that was found."""
-        return self._log.damage
-
-    @property
-    def counts(self) -> Counter[str]:
-        """Readable messages by topic."""
-        found: Counter[str] = Counter()
-        for number, count in self._counts.items():
-            found[self._definitions.channels[number].topic] += count
-        return found
 
     def topics(self) -> list[Topic]:
         """Topics by the summary; where it is brief or missing, by the whole file."""
@@ -86,6 +66,8 @@ class McapScan:
                 yield from self._messages(section, area, topics)
                 del area  # before the next one is read
             self.copied, self.has_checksums = section.copied, section.has_checksums
+            for number, count in self._counts.items():
+                self.counts[self._definitions.channels[number].topic] += count
             self._compare_with_end(section)
             self._definitions.complete(self._end.definitions)
             if self._thorough:
@@ -195,7 +177,7 @@ class McapScan:
             section.note("the summary at the end of the file is damaged")
         for each in self._end.faults.damage:
             section.note(each.what)
-        statistics, found = self._end.statistics, sum(self._counts.values())
+        statistics, found = self._end.statistics, self.counts.total()
         for fault in self._definitions.faults_of(self._end.definitions):
             section.note(f"in the summary, {fault}")
         starts = (start for start, _ in groupby(self._end.index.starts))

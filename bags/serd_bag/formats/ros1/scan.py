@@ -16,7 +16,7 @@ from typing import NamedTuple
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from serd_bag.damage import Damage, DamageLog
+from serd_bag.damage import DamageLog, FileScan
 from serd_bag.errors import BagError, disk_errors
 from serd_bag.formats.limits import LARGEST_CONTENT
 from serd_bag.formats.mcap.window import FileWindow
@@ -57,26 +57,12 @@ class _Found(NamedTuple):
     data: bytes
 
 
-class Ros1Scan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`.
-
-    n_left_out: messages that were found, but are not among those given.
-    """
-
-    has_checksums = False
+class Ros1Scan(FileScan):
+    """One pass through one .bag file."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._log = DamageLog(path)
-        self.counts: Counter[str] = Counter()
-        self.expected: int | None = None
-        self.n_left_out = 0
+        super().__init__(path)
         self._connections: dict[int, Connection] = {}
-
-    @property
-    def damage(self) -> list[Damage]:
-        """Each kind of fault that was found."""
-        return self._log.damage
 
     def topics(self) -> list[Topic]:
         """Topics of the file, by its index if that is right; of several types the first."""

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
-from serd_bag.damage import Damage
+from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_CONTENT, WRONG_TIMES
 from serd_bag.formats.rosbag2.message_types import ENCODING, MessageType
@@ -32,21 +32,12 @@ _Row = tuple[int, int, bytes]
 _MAKE = tuple.__new__
 
 
-class SqliteScan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`.
-
-    n_left_out: messages that were found, but are not among those given.
-    thorough: let SQLite check the whole file first, else only what it reads.
-    """
-
-    has_checksums = False
+class SqliteScan(FileScan):
+    """One pass through one .db3 file; thorough: let SQLite check the whole file first, else only
+    what it reads."""
 
     def __init__(self, path: Path, *, thorough: bool = False) -> None:
-        self.path = path
-        self.damage: list[Damage] = []
-        self.counts: Counter[str] = Counter()
-        self.expected: int | None = None
-        self.n_left_out = 0
+        super().__init__(path)
         self._thorough = thorough
 
     def topics(self) -> list[Topic]:
@@ -124,7 +115,7 @@ class SqliteScan:
             self._note(f"{pages.n_cut} rows are cut off or damaged")
 
     def _note(self, what: str) -> None:
-        self.damage.append(Damage(self.path, None, what))
+        self._log.note(None, what)
 
 
 def _fault(database: sqlite3.Connection, *, whole: bool = True) -> str:
