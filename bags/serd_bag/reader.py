@@ -9,7 +9,7 @@ import shutil
 import tempfile
 import weakref
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,11 +49,11 @@ class BagReader:
         self.copied: list[tuple[Path, list[tuple[int, int]]]] = []
         self.layout: BagLayout = bag_layout(path)
         self._thorough = thorough
-        self._files = _DecompressedFiles(self.layout.files)
-        weakref.finalize(self, self._files.close)
         if self.layout.fault:
             self._report([Damage(self.path, None, self.layout.fault)])
-        self._report(self._files.damage)
+        self._folder: Path | None = None
+        #: what is read in place of each file
+        self._paths = [self._readable(*each) for each in enumerate(self.layout.files)]
         self.topics: dict[str, Topic] = {topic.name: topic for topic in self._topics()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
@@ -84,6 +84,20 @@ class BagReader:
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])
 
+    def _readable(self, number: int, file: Path) -> Path:
+        """The file, or its decompressed copy, which is removed with the reader."""
+        if file.suffix != COMPRESSED_FILE:
+            return file
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        target = self._folder / f"{number}_{file.stem}"
+        with disk_errors("unpack", file, BagError):
+            fault = _decompress(file, target)
+        if fault:
+            self._report([Damage(file, None, fault)])
+        return target
+
     def _topics(self) -> Iterator[Topic]:
         for file, scan in self._scans():
             yield from scan.topics()
@@ -92,7 +106,7 @@ class BagReader:
 
     def _scans(self) -> Iterator[tuple[Path, FileScan]]:
         """Each file of the bag and what reads it."""
-        for file, path in zip(self.layout.files, self._files.paths, strict=True):
+        for file, path in zip(self.layout.files, self._paths, strict=True):
             if path.suffix == ".mcap":
                 yield file, McapScan(path, thorough=self._thorough, size=file.stat().st_size)
             elif path.suffix == ROS1_SUFFIX:
@@ -120,49 +134,19 @@ def _decompressed(data: bytes) -> bytes | None:
         return None
 
 
-class _DecompressedFiles:
-    """paths: what to read in place of each file; damage: of files that decompress only in part.
+def _decompress(file: Path, target: Path) -> str:
+    """Write as much of the content as can be decompressed and a file of its size may hold.
 
-    `close` removes the decompressed copies.
+    Returns why that is not all of it, an empty text where it is.
     """
-
-    def __init__(self, files: Sequence[Path]) -> None:
-        self.damage: list[Damage] = []
-        self._folder: Path | None = None
-        self.paths = tuple(self._path(number, file) for number, file in enumerate(files))
-
-    def close(self) -> None:
-        """Remove the decompressed files; further calls do nothing."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-
-    def _path(self, number: int, file: Path) -> Path:
-        if file.suffix != COMPRESSED_FILE:
-            return file
-        if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
-        target = self._folder / f"{number}_{file.stem}"
+    left = most_unpacked(file.stat().st_size)
+    with file.open("rb") as source, target.open("wb") as copy:
+        decompressor = zstandard.ZstdDecompressor().decompressobj()
         try:
-            with disk_errors("unpack", file, BagError):
-                self._decompress(file, target)
-        except BagError:
-            self.close()
-            raise
-        return target
-
-    def _decompress(self, file: Path, target: Path) -> None:
-        """Write as much of the content as can be decompressed and a file of its size may hold."""
-        left = most_unpacked(file.stat().st_size)
-        with file.open("rb") as source, target.open("wb") as copy:
-            decompressor = zstandard.ZstdDecompressor().decompressobj()
-            try:
-                while (piece := source.read(_PIECE)) and left > 0:
-                    left -= copy.write(decompressor.decompress(piece)[:left])
-            except zstandard.ZstdError as error:
-                self.damage.append(Damage(file, None, f"it cannot be unpacked ({error})"))
-                return
-        if left <= 0:
-            what = "it unpacks to more than a file of its size can hold; the rest is not read"
-            self.damage.append(Damage(file, None, what))
-        elif not decompressor.eof:
-            self.damage.append(Damage(file, None, "the compressed file is cut off"))
+            while (piece := source.read(_PIECE)) and left > 0:
+                left -= copy.write(decompressor.decompress(piece)[:left])
+        except zstandard.ZstdError as error:
+            return f"it cannot be unpacked ({error})"
+    if left <= 0:
+        return "it unpacks to more than a file of its size can hold; the rest is not read"
+    return "" if decompressor.eof else "the compressed file is cut off"

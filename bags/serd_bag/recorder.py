@@ -92,7 +92,7 @@ class BagRecorder:
         except FileError as error:
             if not self._writer.failed:
                 raise
-            self._give_up(str(error))
+            self._end(str(error))
             return False
         if topic.rsplit("/", 1)[-1] == _EPISODE:
             self._count_mark(data)
@@ -105,7 +105,7 @@ class BagRecorder:
         try:
             self._writer.flush_if_due()
         except FileError as error:
-            self._give_up(str(error))
+            self._end(str(error))
             return
         if self._clock() - self._checked_s >= _CHECK_PERIOD_S:
             self._check_disk()
@@ -127,8 +127,7 @@ class BagRecorder:
     def close(self) -> RecorderStatus:
         """Finish the bag; further calls do nothing."""
         if self._recording:
-            self._recording = False
-            self._finish()
+            self._end()
         return self.status
 
     def _check_disk(self) -> None:
@@ -136,26 +135,23 @@ class BagRecorder:
         try:
             self._free_bytes = self._free_bytes_of(self.directory)
         except OSError as error:
-            self._give_up(f"cannot read the free space of {self.directory}: {error}")
+            self._end(f"cannot read the free space of {self.directory}: {error}")
             return
         if self._free_bytes < self.settings.min_free_bytes:
-            self._give_up(
+            self._end(
                 f"disk of {self.directory} must have {self.settings.min_free_bytes} bytes free,"
                 f" got {self._free_bytes}; recording ended, free some space"
             )
 
-    def _give_up(self, problem: str) -> None:
+    def _end(self, problem: str = "") -> None:
+        """Finish the bag; where writing fails it stays as it is and can be recovered."""
         self._recording = False
         self._problem = problem
-        self._finish()
-
-    def _finish(self) -> None:
-        """Finish the bag; where writing fails it stays as it is and can be recovered."""
         taken = self._writer.n_messages
         try:
             self._writer.close()
         except FileError as error:
-            self._problem = self._problem or str(error)
+            self._problem = problem or str(error)
         self._n_lost += taken - self._writer.n_messages
 
     def _count_mark(self, data: bytes) -> None:

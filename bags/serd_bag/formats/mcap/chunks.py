@@ -43,7 +43,7 @@ class ChunkHead(NamedTuple):
     data_size: int
 
 
-def chunk_head(record: bytes) -> ChunkHead:
+def chunk_head(record: bytes | bytearray) -> ChunkHead:
     """The head of a chunk record; BagError where it is none."""
     try:
         start = RECORD_HEAD.size

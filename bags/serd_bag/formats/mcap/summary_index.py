@@ -167,17 +167,11 @@ def _chunk_index(content: bytes) -> ChunkIndex:
         packed_size, unpacked_size = _SIZES.unpack_from(content, at)
     except struct_error:
         raise BagError("a chunkindex record is damaged") from None
-    return ChunkIndex(
-        chunk_start_offset=start,
-        chunk_length=length,
-        compression=content[at - name_size : at].decode("ascii", errors="replace"),
-        compressed_size=packed_size,
-        uncompressed_size=unpacked_size,
-        message_start_time=first_ns,
-        message_end_time=last_ns,
-        message_index_length=index_length,
-        message_index_offsets=places,
-    )
+    name = content[at - name_size : at].decode("ascii", errors="replace")
+    head = ChunkHead(first_ns, last_ns, unpacked_size, 0, name, 0, packed_size)
+    entry = entry_of_chunk(head, start, length)
+    entry.message_index_offsets, entry.message_index_length = places, index_length
+    return entry
 
 
 def _listed_messages(chunk: ChunkIndex) -> dict[int, int] | None:

@@ -37,7 +37,9 @@ from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
 from serd_bag.errors import BagError, disk_errors
+from serd_bag.formats.mcap.chunks import chunk_head
 from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex, copied_index
+from serd_bag.formats.mcap.summary_index import entry_of_chunk
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.formats.rosbag2.layout import FileSpan
 from serd_bag.formats.rosbag2.message_types import MessageType
@@ -55,11 +57,17 @@ _METADATA_NAME = "rosbag2"
 
 
 class McapWriter:
-    """Appends messages to one file; what `flush` has written survives the death of the process."""
+    """Appends messages to one file; what `flush` has written survives the death of the process.
+
+    The file is unbuffered and only grows, in whole blocks: what was appended before a failure stays
+    readable. sync: wait for the disk at each flush.
+    """
 
     def __init__(self, path: Path, *, compression: Compression = "none", sync: bool = False):
-        self._file = _DiskFile(path, sync=sync)
-        self._compression = compression
+        self._path, self._compression, self._sync = path, compression, sync
+        self._size = 0
+        with disk_errors("write", path, BagError):
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         self._schemas: dict[MessageType, Schema] = {}
         self._channels: list[Channel] = []
         #: (number of the first chunk that has it, record) of each schema and channel
@@ -70,14 +78,14 @@ class McapWriter:
         self._indexes: dict[int, MessageIndex] = {}
         #: messages on the disk by channel
         self._counts: Counter[int] = Counter()
-        self._file.append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
+        self._append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
 
     @property
     def span(self) -> FileSpan:
         """Number and times of the messages on the disk."""
         filled = [each for each in self._chunk_indexes if each.message_index_offsets]
         return FileSpan(
-            self._file.path.name,
+            self._path.name,
             self._counts.total(),
             min((each.message_start_time for each in filled), default=None),
             max((each.message_end_time for each in filled), default=None),
@@ -86,12 +94,12 @@ class McapWriter:
     @property
     def size(self) -> int:
         """Bytes on the disk and in the chunk that is not written yet."""
-        return self._file.size + len(self._chunk)
+        return self._size + len(self._chunk)
 
     @property
     def is_open(self) -> bool:
         """Whether more can be appended."""
-        return self._file.is_open
+        return self._descriptor >= 0
 
     @property
     def unwritten(self) -> dict[int, int]:
@@ -141,22 +149,12 @@ class McapWriter:
             uncompressed_size=len(content),
         )
         block = bytearray(_encoded(chunk))
-        length, offsets = len(block), {}
+        entry = entry_of_chunk(chunk_head(block), self._size, len(block))
         for index in indexes:
-            offsets[index.channel_id] = self._file.size + len(block)
+            entry.message_index_offsets[index.channel_id] = self._size + len(block)
             block += _encoded(index)
-        entry = ChunkIndex(
-            chunk_length=length,
-            chunk_start_offset=self._file.size,
-            compression=chunk.compression,
-            compressed_size=len(chunk.data),
-            message_end_time=chunk.message_end_time,
-            message_index_length=len(block) - length,
-            message_index_offsets=offsets,
-            message_start_time=chunk.message_start_time,
-            uncompressed_size=chunk.uncompressed_size,
-        )
-        self._file.append(block)
+        entry.message_index_length = len(block) - entry.chunk_length
+        self._append(block)
         self._chunk_indexes.append(entry)
         for index in indexes:
             self._counts[index.channel_id] += len(index.records)
@@ -169,23 +167,42 @@ class McapWriter:
         if index.name == _METADATA_NAME and isinstance(index, MetadataIndex):
             return
         self.flush()
-        index.offset = self._file.size
+        index.offset = self._size
         for start in range(offset, offset + length, _BLOCK):
-            self._file.append(source.read(start, min(_BLOCK, offset + length - start)))
+            self._append(source.read(start, min(_BLOCK, offset + length - start)))
         self._copied.append(index)
 
     def finish(self, metadata: dict[str, str]) -> None:
         """Write the last chunk, the metadata record `rosbag2` and the summary; close."""
         self.flush()
         record = _encoded(Metadata(_METADATA_NAME, metadata))
-        self._copied.append(MetadataIndex(self._file.size, len(record), _METADATA_NAME))
+        self._copied.append(MetadataIndex(self._size, len(record), _METADATA_NAME))
         record += _encoded(DataEnd(0))
-        self._file.append(record + self._summary(self._file.size + len(record)))
+        self._append(record + self._summary(self._size + len(record)))
         self.close()
 
     def close(self) -> None:
-        """Close the file as it is."""
-        self._file.close()
+        """Close the file as it is; further calls do nothing."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+    def _append(self, block: bytes | bytearray) -> None:
+        """Append the block; on BagError (disk full, ...) no part of it stays."""
+        with disk_errors("write", self._path, BagError):
+            try:
+                rest = memoryview(block)
+                while rest:
+                    rest = rest[os.write(self._descriptor, rest) :]
+                if self._sync:
+                    os.fdatasync(self._descriptor)
+            except OSError:
+                # Where even this fails, the reader finds the last whole block by itself.
+                with contextlib.suppress(OSError):
+                    os.ftruncate(self._descriptor, self._size)
+                    os.lseek(self._descriptor, self._size, os.SEEK_SET)
+                raise
+        self._size += len(block)
 
     def _define(self, record: Schema | Channel) -> None:
         if not self._chunk:
@@ -233,48 +250,6 @@ class McapWriter:
         unchecked = _encoded(Footer(start, offset_start, 0))[:-4]
         checksum = zlib.crc32(unchecked, zlib.crc32(summary))
         return bytes(summary) + _encoded(Footer(start, offset_start, checksum)) + MCAP0_MAGIC
-
-
-class _DiskFile:
-    """A file that only grows, in whole blocks: what was appended before a failure stays readable.
-
-    Unbuffered, so that a killed process loses nothing it has appended.
-    """
-
-    def __init__(self, path: Path, *, sync: bool) -> None:
-        self.path = path
-        self.size = 0
-        self._sync = sync
-        with disk_errors("write", path, BagError):
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-
-    def append(self, block: bytes | bytearray) -> None:
-        """Append the block; on BagError (disk full, ...) no part of it stays."""
-        with disk_errors("write", self.path, BagError):
-            try:
-                rest = memoryview(block)
-                while rest:
-                    rest = rest[os.write(self._descriptor, rest) :]
-                if self._sync:
-                    os.fdatasync(self._descriptor)
-            except OSError:
-                # Where even this fails, the reader finds the last whole block by itself.
-                with contextlib.suppress(OSError):
-                    os.ftruncate(self._descriptor, self.size)
-                    os.lseek(self._descriptor, self.size, os.SEEK_SET)
-                raise
-        self.size += len(block)
-
-    @property
-    def is_open(self) -> bool:
-        """Whether more can be appended."""
-        return self._descriptor >= 0
-
-    def close(self) -> None:
-        """Close the file; further calls do nothing."""
-        descriptor, self._descriptor = self._descriptor, -1
-        if descriptor >= 0:
-            os.close(descriptor)
 
 
 def _encoded(record: McapRecord) -> bytes:
