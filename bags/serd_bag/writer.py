@@ -45,7 +45,10 @@ class BagWriter:
         sync: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.directory = _new_folder(Path(directory))
+        self.directory = Path(directory).resolve()
+        with disk_errors("write", self.directory, BagError):
+            self.directory.mkdir(parents=True, exist_ok=True)
+            require_new_folder(self.directory)
         self.topics: dict[str, Topic] = {}
         self.counts: dict[str, int] = {}
         self._max_file_bytes = max_file_bytes
@@ -180,10 +183,7 @@ class BagWriter:
         )
 
 
-def _new_folder(directory: Path) -> Path:
-    directory = directory.resolve()
-    with disk_errors("write", directory, BagError):
-        directory.mkdir(parents=True, exist_ok=True)
-        if any(directory.iterdir()):
-            raise BagError(f"bag folder {directory} must be new or empty; choose another name")
-    return directory
+def require_new_folder(directory: Path) -> None:
+    """BagError where the folder of a new bag is not empty, or a file stands in its place."""
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise BagError(f"bag folder {directory} must be new or empty; choose another name")

@@ -17,7 +17,7 @@ from serd_bag.formats.mcap.writer import Compression
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.reader import BagReader
 from serd_bag.topic import CDR
-from serd_bag.writer import BagWriter
+from serd_bag.writer import BagWriter, require_new_folder
 
 
 @dataclass(frozen=True)
@@ -102,8 +102,7 @@ def _new_folder(target: Path) -> Iterator[Path]:
     target = target.resolve()
     with disk_errors("write", target, BagError):
         target.parent.mkdir(parents=True, exist_ok=True)
-        if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise BagError(f"bag folder {target} must be new or empty; choose another name")
+        require_new_folder(target)
         hidden = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
         try:
             filling = hidden / target.name
