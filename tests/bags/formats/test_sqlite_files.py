@@ -170,22 +170,6 @@ def test_check_reports_that_such_files_have_no_checksums(file):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "no such table"),
-        (bytes(9000), "not a database"),
-        (b"SQLite format 3\0" + bytes(9000), "the database"),
-    ],
-)
-def test_a_file_that_is_no_recording_raises(tmp_path, content, message):
-    (tmp_path / "file.db3").write_bytes(content)
-    with pytest.raises(BagError, match=message):
-        contents(tmp_path / "file.db3")
-    found, reader = contents(tmp_path / "file.db3", tolerant=True)
-    assert (found, bool(reader.damage)) == ([], True)
-
-
-@pytest.mark.parametrize(
     "change",
     [
         "UPDATE message_definitions SET encoding = 'unknown'",

@@ -6,7 +6,7 @@ twice as long. Each kind of fault becomes a Damage.
 
 from collections import defaultdict
 from collections.abc import Iterator
-from itertools import groupby, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 from mcap.opcode import Opcode
@@ -22,6 +22,8 @@ from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.topic import RawMessage, Topic
 
 _MESSAGE = int(Opcode.MESSAGE)
+_COPIED = "attachments and metadata records"
+_DIFFERS = "{} {} were written, {} are there"
 
 
 class McapScan(FileScan):
@@ -169,59 +171,56 @@ class McapScan(FileScan):
         return number in channels
 
     def _compare_with_end(self, section: DataSection) -> None:
+        end, note = self._end, section.note
         if not section.ended and not self._log:
             complete = "the data has no end record"
-            cut = "the file has no end: the recording was cut off here"
-            section.note(complete if self._end.complete else cut)
-        if section.ended and not self._end.complete:
-            section.note("the summary at the end of the file is damaged")
-        for each in self._end.faults.damage:
-            section.note(each.what)
-        statistics, found = self._end.statistics, self.counts.total()
-        for fault in self._definitions.faults_of(self._end.definitions):
-            section.note(f"in the summary, {fault}")
-        starts = (start for start, _ in groupby(self._end.index.starts))
-        n_missing = sum(start not in section.visited for start in starts)
+            note(
+                complete if end.complete else "the file has no end: the recording was cut off here"
+            )
+        if section.ended and not end.complete:
+            note("the summary at the end of the file is damaged")
+        for each in end.faults.damage:
+            note(each.what)
+        for fault in self._definitions.faults_of(end.definitions):
+            note(f"in the summary, {fault}")
+        n_missing = len(set(end.index.starts) - section.visited)
         if n_missing:
-            section.note(f"{n_missing} chunks of the summary are missing")
-        if statistics is None:
+            note(f"{n_missing} chunks of the summary are missing")
+        if end.statistics is None:
             return
-        counts = statistics.channel_message_counts
-        if statistics.message_count != found:
-            section.note(f"{statistics.message_count} messages were written, {found} are readable")
-        elif counts and not self._log:
+        stated, n_found = end.statistics, self.counts.total()
+        if stated.message_count != n_found:
+            note(f"{stated.message_count} messages were written, {n_found} are readable")
+        elif stated.channel_message_counts and not self._log:
             for number, channel in self._definitions.channels.items():
-                n_written, n_read = counts.get(number, 0), self._counts[number]
-                if n_written != n_read:
-                    section.note(
+                n_written = stated.channel_message_counts.get(number, 0)
+                if n_written != (n_read := self._counts[number]):
+                    note(
                         f"{n_written} messages were written on {channel.topic}, {n_read} are there"
                     )
-        n_copied = statistics.attachment_count + statistics.metadata_count
+        n_copied = stated.attachment_count + stated.metadata_count
         if n_copied > len(self.copied):
-            section.note(
-                f"{n_copied} attachments and metadata records were written,"
-                f" {len(self.copied)} are there"
-            )
+            note(_DIFFERS.format(n_copied, _COPIED, len(self.copied)))
 
     def _compare_with_index(self, section: DataSection, window: FileWindow) -> None:
         """Compare the summary's pointers and counts, which players use, with what was found."""
-        for fault in (*self._end.index_faults, *self._end.definitions.missing(self._definitions)):
-            section.note(fault)
-        if any(one == other for one, other in pairwise(self._end.index.starts)):
-            section.note("the summary lists a chunk twice")
-        copied = (copied_index(window, *each) for each in self.copied)
-        for fault in self._end.index.faults_of_copied(list(copied)):
-            section.note(fault)
-        stated = self._end.statistics
+        end, note = self._end, section.note
+        for fault in (*end.index_faults, *end.definitions.missing(self._definitions)):
+            note(fault)
+        if any(one == other for one, other in pairwise(end.index.starts)):
+            note("the summary lists a chunk twice")
+        copied = [copied_index(window, *each) for each in self.copied]
+        for fault in end.index.faults_of_copied(copied):
+            note(fault)
+        stated, found = end.statistics, self._definitions
         if stated is None or self._log:
             return
-        definitions = self._definitions
+        n_copied = stated.attachment_count + stated.metadata_count
         for what, n_stated, n_found in (
             ("chunks", stated.chunk_count, len(section.visited)),
-            ("attachments and metadata records", stated.attachment_count + stated.metadata_count,
-             len(self.copied)),
-            ("schemas", stated.schema_count, len(definitions.schemas)),
-            ("channels", stated.channel_count, len(definitions.channels)),
-        ):  # fmt: skip
+            (_COPIED, n_copied, len(self.copied)),
+            ("schemas", stated.schema_count, len(found.schemas)),
+            ("channels", stated.channel_count, len(found.channels)),
+        ):
             if n_stated != n_found:
-                section.note(f"{n_stated} {what} were written, {n_found} are there")
+                note(_DIFFERS.format(n_stated, what, n_found))
