@@ -178,9 +178,8 @@ class BagWriter:
         self._finished = files
 
     def _metadata(self, files: list[FileSpan]) -> dict[str, object]:
-        return bag_metadata(
-            files, [(each, self.counts[each.name]) for each in self.topics.values()]
-        )
+        topics = [(topic, self.counts[topic.name]) for topic in self.topics.values()]
+        return bag_metadata(files, topics)
 
 
 def require_new_folder(directory: Path) -> None:

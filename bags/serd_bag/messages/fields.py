@@ -137,7 +137,11 @@ def _located(
     """Paths of the numbers; empty where there is no message of these shapes."""
     kinds = [_kind(store, type_name, path, key) for path in paths]
     if len(paths) != 1 or not _is_message(kinds[0]):
-        wrong = [path for path, kind in zip(paths, kinds, strict=True) if not _is_number(kind)]
+        wrong = [
+            path
+            for path, (node, detail) in zip(paths, kinds, strict=True)
+            if node != Nodetype.BASE or detail[0] == "string"
+        ]
         if wrong:
             raise BagError(
                 f"{key} of {type_name} must be paths of numbers, or one of a message, got"
@@ -191,10 +195,6 @@ def _fields(store: Typestore, type_name: str) -> _Fields:
 
 def _is_message(kind: tuple[Nodetype, Any]) -> bool:
     return kind[0] == Nodetype.NAME
-
-
-def _is_number(kind: tuple[Nodetype, Any]) -> bool:
-    return kind[0] == Nodetype.BASE and kind[1][0] != "string"
 
 
 def _number(message: Any, path: str) -> float:

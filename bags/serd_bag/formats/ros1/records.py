@@ -11,6 +11,7 @@ import bz2
 import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import lz4.frame
@@ -34,6 +35,7 @@ _REINDEX = "'rosbag reindex' of ROS 1 may repair it"
 _SIZE = struct.Struct("<I")
 _TIME = struct.Struct("<II")
 _SECOND_NS = 1_000_000_000
+_CHUNK_FIELDS = {b"compression", b"size"}
 #: Of an index: time in s and ns, offset in the chunk. Of a chunk: connection, number of messages.
 _ENTRY, _COUNT = struct.Struct("<III"), struct.Struct("<II")
 #: connection, time in ns, offset in the chunk
@@ -305,10 +307,9 @@ class Walk:
         return found, offset
 
     def _record_or_none(self, offset: int) -> Record | None:
-        try:
+        with suppress(BagError):
             return self._record(offset)
-        except BagError:
-            return None
+        return None
 
     def _keep(self, place: int, record: Record) -> None:
         """Keep a record that is neither chunk nor message."""
@@ -341,7 +342,8 @@ class Walk:
         place = start
         while (found := self._window.search(CHUNK_PATTERN, place, 8)) is not None:
             for begin in range(max(start, found - LONGEST_CHUNK_HEAD), found):
-                if self._begins_chunk(begin):
+                record = self._record_or_none(begin)
+                if record and record.kind == CHUNK and record.fields.keys() >= _CHUNK_FIELDS:
                     return begin
             place = found + 1
         index = 0 if self._header is None else _number(self._header, b"index_pos")
@@ -355,12 +357,6 @@ class Walk:
                 return False
             offset = record.end
         return offset == self._window.size
-
-    def _begins_chunk(self, offset: int) -> bool:
-        record = self._record_or_none(offset)
-        return bool(
-            record and record.kind == CHUNK and {b"compression", b"size"} <= record.fields.keys()
-        )
 
 
 def _number(record: Record, name: bytes) -> int:

@@ -88,7 +88,8 @@ class Ros1Scan(FileScan):
             for part in walk.parts():
                 for found in self._messages_of(part, window):
                     number, time_ns, _ = found.entry
-                    connection = self._connection(number)
+                    listed = self._index.connections.get(number)
+                    connection = self._connections.get(number) or listed
                     if connection is None:
                         n_unknown += 1
                         continue
@@ -105,8 +106,8 @@ class Ros1Scan(FileScan):
                     yield RawMessage(name, type_name, converted, time_ns, time_ns)
             for fault in walk.faults():
                 self._note(fault)
-            listed = self._index.connections
-            if listed and self._connections.keys() - listed.keys():
+            indexed = self._index.connections
+            if indexed and self._connections.keys() - indexed.keys():
                 self._note("the index does not have all connections of the chunks")
         self.n_left_out = n_broken + n_unknown
         if n_unknown:
@@ -207,9 +208,6 @@ class Ros1Scan(FileScan):
             self._note(f"connection {number} is defined twice, in different ways")
             if self._index.connections.get(number) == connection:
                 self._connections[number] = connection
-
-    def _connection(self, number: int) -> Connection | None:
-        return self._connections.get(number) or self._index.connections.get(number)
 
     def _note(self, what: str) -> None:
         self._log.note(None, what)

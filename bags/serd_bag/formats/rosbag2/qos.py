@@ -58,24 +58,26 @@ def qos_of_text(text: str) -> tuple[QosProfile, ...]:
         profiles = yaml_values(text) if text else ()
     except BagError:
         return ()
-    found = []
-    for value in profiles if isinstance(profiles, list) else ():
-        if isinstance(value, dict):
-            best_effort = value.get("reliability") in (2, "best_effort")
-            latched = value.get("durability") in (1, "transient_local")
-            other = "keep_all" if value.get("history") in (2, "keep_all") else "unknown"
-            depth = value.get("depth")
-            profile = QosProfile(
-                "best_effort" if best_effort else "reliable",
-                "transient_local" if latched else "volatile",
-                "keep_last" if value.get("history") in (1, "keep_last") else other,
-                depth if isinstance(depth, int) and depth > 0 else 0,
-            )
-            found.append(profile)
-    return tuple(found)
+    values = profiles if isinstance(profiles, list) else []
+    return tuple(_profile(value) for value in values if isinstance(value, dict))
 
 
 def profile_to_offer(recorded: Sequence[QosProfile]) -> QosProfile:
     """What to offer for a recorded topic: its first profile, reliable where it has none."""
     first = next(iter(recorded), RELIABLE)
     return replace(first, history="keep_last", depth=first.depth or RELIABLE.depth)
+
+
+def _profile(value: dict[str, Any]) -> QosProfile:
+    history, depth = value.get("history"), value.get("depth")
+    best_effort = value.get("reliability") in (2, "best_effort")
+    latched = value.get("durability") in (1, "transient_local")
+    keeps_all: Literal["keep_all", "unknown"] = (
+        "keep_all" if history in (2, "keep_all") else "unknown"
+    )
+    return QosProfile(
+        reliability="best_effort" if best_effort else "reliable",
+        durability="transient_local" if latched else "volatile",
+        history="keep_last" if history in (1, "keep_last") else keeps_all,
+        depth=depth if isinstance(depth, int) and depth > 0 else 0,
+    )

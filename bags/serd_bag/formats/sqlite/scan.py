@@ -183,8 +183,8 @@ def _topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]:
         texts: dict[str, tuple[str, str]] = {}
         if database.execute("PRAGMA table_info(message_definitions)").fetchall():
             query = "SELECT topic_type, encoding, encoded_message_definition"
-            rows = database.execute(f"{query} FROM message_definitions")
-            texts = {name: (encoding, text) for name, encoding, text in rows}
+            definitions = database.execute(f"{query} FROM message_definitions")
+            texts = {name: (encoding, text) for name, encoding, text in definitions}
         found = {}
         query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
         for number, name, type_name, encoding, profiles, type_hash in database.execute(query):
