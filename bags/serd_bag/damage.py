@@ -14,7 +14,9 @@ from serd_bag.topic import RawMessage, Topic
 
 @dataclass(frozen=True)
 class Damage:
-    """offset: byte of the first such fault, None where it concerns the whole file; count: of them.
+    """One kind of fault of a file.
+
+    offset: byte of the first such fault, None where it concerns the whole file; count: of them.
 
     In a summary of several kinds of faults, `what` states so. fix: what may repair it where
     `recover` finds nothing.

@@ -31,13 +31,19 @@ _COMPRESSED = zstandard.FRAME_HEADER
 
 
 class BagReader:
-    """Reads a bag folder, or a single file of one.
+    """Reads the messages of a bag folder, or of a single .mcap, .db3 or .bag file.
+
+        reader = BagReader("drive")
+        for topic, type_name, data, log_time_ns, publish_time_ns in reader.messages(["/odom"]):
+            ...  # data: CDR bytes, see `serd_bag.messages.plain.decode`
 
     tolerant: continue past damage and collect it in `damage`; otherwise damage raises a
-    DamagedBagError when it is found, which for missing messages is at the end.
-    thorough: compare the index of messages with the messages too.
-    losses: what is missing, once all messages were read; has_checksums: then whether all have them.
-    copied: then (file, (offset, length) of each of its sound attachments and metadata records).
+    DamagedBagError when it is found, which for missing messages is at the end. thorough: compare
+    the index of messages with the messages too. BagError where there is no bag.
+
+    topics: by their full names. Once all messages were read, losses: what is missing;
+    has_checksums: whether all have them; copied: (file, (offset, length) of each of its sound
+    attachments and metadata records).
     """
 
     def __init__(self, path: str | Path, *, tolerant: bool = False, thorough: bool = False) -> None:
@@ -57,7 +63,7 @@ class BagReader:
         self.topics: dict[str, Topic] = {topic.name: topic for topic in self._topics()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of the given topics, None for all."""
+        """Messages of the given topics (full names), None for all, in the order of the files."""
         wanted = None if topics is None else frozenset(topics)
         scans: list[tuple[Path, FileScan]] = []
         self.copied = []

@@ -51,8 +51,12 @@ class RecorderSettings:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """problem: why recording ended by itself, else empty; n_lost: messages since then, and those of
-    the last flush period before."""
+    """What a recorder has done.
+
+    recording: whether it still records; problem: why recording ended by itself, else empty; counts:
+    messages in the bag by topic; n_lost: messages since it ended, and of the last flush period
+    before; episodes_ended, outcomes: by the marks on the topic `episode`.
+    """
 
     recording: bool
     problem: str
@@ -70,7 +74,16 @@ class RecorderStatus:
 
 
 class BagRecorder:
-    """Records into one bag until it is closed or a write fails."""
+    """Records into one bag until it is closed or a write fails.
+
+        recorder = BagRecorder("drive")
+        recorder.add_topic("/odom", "nav_msgs/msg/Odometry")
+        recorder.record("/odom", data, time.time_ns())  # and poll() at least every 0.1 s
+        status = recorder.close()
+
+    directory: of the bag, new or empty; clock: time in s that never goes back; free_bytes: bytes
+    that are free on the disk of a folder. BagError where the folder cannot be used.
+    """
 
     def __init__(
         self,

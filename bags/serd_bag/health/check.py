@@ -52,9 +52,10 @@ _NO_CHECKSUMS = (
 
 @dataclass(frozen=True)
 class TwoClocks:
-    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0.
+    """How the clock of a topic's stamps differs from that of the log times.
 
-    offset_s: how far the clock of the stamps is ahead; 0 where it is the same one, jumps or drifts.
+    jumps_s: forward above 0; drift_s: over span_s, ahead above 0; offset_s: how far the clock of
+    the stamps is ahead; 0 where it is the same one, jumps or drifts.
     """
 
     jumps_s: tuple[float, ...] = ()
@@ -65,9 +66,10 @@ class TwoClocks:
 
 @dataclass(frozen=True)
 class TopicCheck:
-    """mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size.
+    """Number, rates, gaps and clocks of the messages of one topic.
 
-    Both are None where there are too few messages.
+    mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size;
+    both are None where there are too few messages.
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
@@ -175,9 +177,10 @@ def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class BagCheck:
-    """faults: why the bag is not sound; remarks: what to know before learning from it.
+    """The result of `check_bag`.
 
-    n_lost: messages that are known to be lost.
+    faults: why the bag is not sound; remarks: what to know before learning from it; n_lost:
+    messages that are known to be lost.
     """
 
     path: Path
@@ -205,9 +208,13 @@ class BagCheck:
 
 
 def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
-    """Read the whole bag; `required`: topics that must have messages.
+    """Read the whole bag and list its faults; `required`: topics that must have messages.
 
-    A name that begins with "/" is one topic, any other a topic of that name in any namespace.
+        check = check_bag("drive", ["robot_pose"])
+        print(check.sound, *check.faults, *check.remarks, sep="\\n")
+
+    Raises BagError where there is no bag. A name that begins with "/" is one topic, any other a
+    topic of that name in any namespace.
     """
     reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
@@ -326,7 +333,7 @@ def _stamp_ns(data: bytes) -> int:
 
 @dataclass(frozen=True)
 class TopicContents:
-    """mean_hz: messages per second of the whole bag, None for less than two messages."""
+    """One topic of a bag; mean_hz: messages per second of the whole bag, None for less than two."""
 
     name: str
     type_name: str
@@ -336,9 +343,10 @@ class TopicContents:
 
 @dataclass(frozen=True)
 class BagContents:
-    """span_s: from the first log time of the bag to the last; faults: of a bag that was read.
+    """The result of `contents_of_bag`.
 
-    n_lost: messages that are known to be lost.
+    span_s: from the first log time of the bag to the last; faults: of a bag that was read; n_lost:
+    messages that are known to be lost.
     """
 
     path: Path

@@ -34,8 +34,8 @@ _LONGEST_STEP_S, _STEP_S = 1.0, 0.5
 
 @dataclass(frozen=True, eq=False)
 class SeenPeople:
-    """ids: (N,), empty texts where there are none; position_m, velocity_mps: (N, 3), the latter NaN
-    where the type has none."""
+    """N people of one message; ids: (N,), empty texts where there are none; position_m,
+    velocity_mps: (N, 3), the latter NaN where the type has none."""
 
     header: Header
     ids: tuple[str, ...]

@@ -24,7 +24,7 @@ _POINT_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8
 
 @dataclass(frozen=True)
 class Header:
-    """stamp_ns: 0 where the sender set none."""
+    """A std_msgs/Header; stamp_ns: 0 where the sender set none."""
 
     stamp_ns: int
     frame: str

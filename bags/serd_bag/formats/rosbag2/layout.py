@@ -29,7 +29,9 @@ _NO_TIME_NS = 2**63 - 1
 
 @dataclass(frozen=True)
 class BagLayout:
-    """metadata: values below the root key of metadata.yaml, None where it cannot be read.
+    """The files of a bag and what its metadata.yaml states.
+
+    metadata: values below the root key of metadata.yaml, None where it cannot be read.
 
     fault: why metadata.yaml is missing or does not match the files, else empty.
     """
