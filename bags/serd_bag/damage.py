@@ -4,12 +4,14 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 from serd_bag.formats.limits import MOST_FAULTS_OF_A_FILE
 from serd_bag.formats.rosbag2.layout import BagLayout, storage_name
 from serd_bag.topic import RawMessage, Topic
+
+#: Bytes and numbers in the sentence of a fault.
+_NUMBERS = re.compile(r"[0-9a-f]{2} [0-9a-f ]+|\d+")
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class DamageLog:
 
     def note(self, offset: int | None, what: str, fix: str = "") -> None:
         """Add a fault; faults that differ in numbers only are of one kind."""
-        kind = _kind(what)
+        kind = _NUMBERS.sub("", what)
         if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
             kind, what, fix = "", "it has further faults of other kinds", ""
         self._found.setdefault(kind, Damage(self._path, offset, what, fix=fix))
@@ -59,12 +61,6 @@ class DamageLog:
     def damage(self) -> list[Damage]:
         """All kinds of faults, in the order in which they were found."""
         return [replace(each, count=self._counts[kind]) for kind, each in self._found.items()]
-
-
-@lru_cache(maxsize=256)
-def _kind(what: str) -> str:
-    """The text without bytes and numbers."""
-    return re.sub(r"[0-9a-f]{2} [0-9a-f ]+|\d+", "", what)
 
 
 class FileScan:

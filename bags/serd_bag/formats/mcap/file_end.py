@@ -71,14 +71,15 @@ class FileEnd:
         """
         if self.statistics is None or self.faults:
             return False
-        found, stated = self.index.contents(*self._data), self.statistics
+        contents, stated = self.index.contents(*self._data), self.statistics
+        if contents is None:
+            return False
+        counts, *times_ns = contents
         return (
-            found is not None
-            and +found.counts == +Counter(stated.channel_message_counts)
-            and found.counts.total() == stated.message_count
-            and self.definitions.have(found.counts)
-            and (found.first_ns, found.last_ns)
-            == (stated.message_start_time, stated.message_end_time)
+            +counts == +Counter(stated.channel_message_counts)
+            and counts.total() == stated.message_count
+            and self.definitions.have(counts)
+            and times_ns == [stated.message_start_time, stated.message_end_time]
         )
 
     def _read(self, window: FileWindow) -> None:

@@ -13,7 +13,6 @@ from functools import cached_property
 from itertools import pairwise
 from struct import Struct
 from struct import error as struct_error
-from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -35,14 +34,6 @@ _LENGTHS, _SIZES = Struct("<QI"), Struct("<QQ")
 #: Of a message index, channel and size of the entries; each entry, log time and offset.
 INDEX_HEAD_SIZE, ENTRY_SIZE = 6, 16
 _MESSAGE_INDEX_HEAD = RECORD_HEAD.size + INDEX_HEAD_SIZE
-
-
-class IndexedContents(NamedTuple):
-    """Messages by channel and their first and last log time, 0 without messages."""
-
-    counts: Counter[int]
-    first_ns: int
-    last_ns: int
 
 
 class SummaryIndex:
@@ -88,9 +79,10 @@ class SummaryIndex:
         rows = np.frombuffer(self._chunks, np.uint64).reshape(-1, 4)
         return rows[np.argsort(rows[:, 0], kind="stable")]
 
-    def contents(self, begin: int, end: int) -> IndexedContents | None:
-        """Return the messages that the entries list in the data from `begin` to `end`.
+    def contents(self, begin: int, end: int) -> tuple[Counter[int], int, int] | None:
+        """Messages that the entries list in the data from `begin` to `end`.
 
+        Returns their number by channel, and their first and last log time (ns), 0 without messages.
         Returns None if an entry contradicts itself or another one, or if no entry lists a part of
         the data. The size of a message index states how many messages it lists.
         """
@@ -113,7 +105,7 @@ class SummaryIndex:
             begin += copied.pop(begin)
         if begin != end or copied:
             return None
-        return IndexedContents(counts, min(first_ns, default=0), max(last_ns, default=0))
+        return counts, min(first_ns, default=0), max(last_ns, default=0)
 
     def fault_of_chunk(self, found: ChunkIndex) -> str:
         """Return how the entry of a chunk is wrong, and an empty text if it is right.

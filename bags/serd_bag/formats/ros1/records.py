@@ -40,6 +40,9 @@ _CHUNK_FIELDS = {b"compression", b"size"}
 _ENTRY, _COUNT = struct.Struct("<III"), struct.Struct("<II")
 #: connection, time in ns, offset in the chunk
 Entry = tuple[int, int, int]
+#: A chunk with the entries of the index behind it, or a message outside of chunks, as the place
+#: where the record begins, the record and the entries.
+Part = tuple[int, "Record", list[Entry]]
 
 
 class Record(NamedTuple):
@@ -161,17 +164,6 @@ def unpacked_chunk(
     return unpacked, 0, len(unpacked)
 
 
-class Part(NamedTuple):
-    """A chunk with the entries of the index behind it, or a message outside of chunks.
-
-    place: where its record begins.
-    """
-
-    place: int
-    record: Record
-    entries: list[Entry]
-
-
 class Walk:
     """What a walk has found, once it has ended.
 
@@ -207,12 +199,12 @@ class Walk:
                 self._chunks.add(last)
                 record, offset = self._sized(last, record)
                 entries, offset = self._entries(last, offset)
-                yield Part(last, record, entries)
+                yield last, record, entries
                 if offset > self._window.size:
                     self.log.note(last, "a chunk is damaged (the file ends within it)")
                     offset = self._next_chunk(last + 1)
             elif record.kind == MESSAGE:
-                yield Part(last, record, [])
+                yield last, record, []
             else:
                 self._keep(last, record)
 

@@ -39,13 +39,6 @@ _HEADER = "std_msgs/msg/Header"
 _LARGEST_CHUNK = 2 * LARGEST_CONTENT
 
 
-class _Converted(NamedTuple):
-    """One connection: its topic, and the store that converts its messages, None where unknown."""
-
-    topic: Topic
-    store: Typestore | None
-
-
 class _Found(NamedTuple):
     """A message of a chunk: the entry that an index should have of it, and its data.
 
@@ -73,7 +66,7 @@ class Ros1Scan(FileScan):
             known = {**known, **self._connections}
         found: dict[str, Topic] = {}
         for connection in known.values():
-            topic = _converted(connection).topic
+            topic, _ = _converted(connection)
             found.setdefault(topic.name, topic)
         return list(found.values())
 
@@ -93,17 +86,16 @@ class Ros1Scan(FileScan):
                     if connection is None:
                         n_unknown += 1
                         continue
-                    kind = _converted(connection)
-                    name, type_name = kind.topic.name, kind.topic.type_name
-                    if topics is not None and name not in topics:
-                        self.counts[name] += 1
+                    topic, store = _converted(connection)
+                    if topics is not None and topic.name not in topics:
+                        self.counts[topic.name] += 1
                         continue
-                    converted = _cdr(kind, found.data)
+                    converted = _cdr(topic.type_name, store, found.data)
                     if converted is None:
                         n_broken += 1
                         continue
-                    self.counts[name] += 1
-                    yield RawMessage(name, type_name, converted, time_ns, time_ns)
+                    self.counts[topic.name] += 1
+                    yield RawMessage(topic.name, topic.type_name, converted, time_ns, time_ns)
             for fault in walk.faults():
                 self._note(fault)
             indexed = self._index.connections
@@ -225,8 +217,9 @@ def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _converted(connection: Connection) -> _Converted:
-    """The topic with the definition of ROS 2, whose Header has no `seq`."""
+def _converted(connection: Connection) -> tuple[Topic, Typestore | None]:
+    """The topic with the definition of ROS 2, whose Header has no `seq`, and the store that
+    converts its messages, None where the definition cannot be read."""
     topic, name, text = connection
     try:
         types = get_types_from_msg(text, name)
@@ -238,14 +231,14 @@ def _converted(connection: Connection) -> _Converted:
         definition, _ = store.generate_msgdef(name, ros_version=2)
         recorded = MessageType(name, definition, store.hash_rihs01(name))
     except Exception:  # a recorded text may be anything
-        return _Converted(Topic(topic, MessageType(name, "", "", ""), (RELIABLE,)), None)
-    return _Converted(Topic(topic, recorded, (RELIABLE,)), store)
+        return Topic(topic, MessageType(name, "", "", ""), (RELIABLE,)), None
+    return Topic(topic, recorded, (RELIABLE,)), store
 
 
-def _cdr(kind: _Converted, data: bytes) -> bytes | None:
-    if kind.store is None or len(data) > LARGEST_CONTENT:
+def _cdr(type_name: str, store: Typestore | None, data: bytes) -> bytes | None:
+    if store is None or len(data) > LARGEST_CONTENT:
         return None
     try:
-        return bytes(kind.store.ros1_to_cdr(data, kind.topic.type_name))
+        return bytes(store.ros1_to_cdr(data, type_name))
     except Exception:  # generated code raises errors of any kind for foreign bytes
         return None
