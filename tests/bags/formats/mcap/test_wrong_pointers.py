@@ -21,7 +21,7 @@ from serd_bag.errors import BagError
 from serd_bag.formats.mcap.records import RECORD_HEAD
 from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.reader import BagReader
-from support.damaged_files import write_wrong
+from support.damaged_files import counts_of, write_wrong, wrong_numbers
 from support.mcap_files import encoded, records, write_official
 
 N_MESSAGES = 12
@@ -35,10 +35,9 @@ def file_with(path, **options):
 
 
 def wrong_values(content, right):
-    """Places of all kinds, and numbers near the right one."""
-    starts = [start - RECORD_HEAD.size for _, start in records(content)]
-    values = {0, MAGIC_SIZE, starts[1] + 20, starts[2], starts[-2], len(content) + 1000}
-    return sorted((values | {len(content), right + 1, right - 1, 2**64 - 1}) - {right, -1})
+    return wrong_numbers(
+        content, [start - RECORD_HEAD.size for _, start in records(content)], right
+    )
 
 
 def changed(record, content):
@@ -77,10 +76,6 @@ def sealed(content, *, checksum):
     (start,) = struct.unpack_from("<Q", content, footer + RECORD_HEAD.size)
     digest = zlib.crc32(content[start or footer : -MAGIC_SIZE - 4]) if checksum else 0
     return content[: -MAGIC_SIZE - 4] + digest.to_bytes(4, "little") + MCAP0_MAGIC
-
-
-def counts_of(found):
-    return {topic.name: topic.n_messages for topic in found.topics}
 
 
 def assert_all_messages_are_found(path, name=""):
