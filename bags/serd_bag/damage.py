@@ -95,6 +95,10 @@ class FileScan:
         """Messages of the given topics, None for all."""
         raise NotImplementedError
 
+    def _note(self, what: str) -> None:
+        """Add a fault that concerns the whole file."""
+        self._log.note(None, what)
+
 
 @dataclass(frozen=True)
 class Losses:

@@ -38,10 +38,8 @@ class McapScan(FileScan):
         self.has_checksums = True
         self._end = FileEnd(path)
         # Those of the data count, where the summary is not known to be right.
-        is_known = self._end.states_contents
-        self._definitions = (
-            self._end.definitions if is_known else Definitions(self._end.definitions)
-        )
+        known = self._end.definitions
+        self._definitions = known if self._end.states_contents else Definitions(known)
         if self._end.statistics is not None:
             self.expected = self._end.statistics.message_count
         self._counts: defaultdict[int, int] = defaultdict(int)

@@ -201,9 +201,6 @@ class Ros1Scan(FileScan):
             if self._index.connections.get(number) == connection:
                 self._connections[number] = connection
 
-    def _note(self, what: str) -> None:
-        self._log.note(None, what)
-
 
 def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
     """Whether the message of an entry, or its connection, begins there."""

@@ -114,9 +114,6 @@ class SqliteScan(FileScan):
         if pages.n_cut:
             self._note(f"{pages.n_cut} rows are cut off or damaged")
 
-    def _note(self, what: str) -> None:
-        self._log.note(None, what)
-
 
 def _fault(database: sqlite3.Connection, *, whole: bool = True) -> str:
     """Why SQLite finds the file damaged, empty where it is sound; whole: read all of it."""
