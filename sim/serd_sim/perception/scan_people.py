@@ -13,6 +13,7 @@ people, which does not mean that there are none: the answer is then the fault.
 
 import math
 from collections import deque
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.errors import SimError
 from serd_sim.safety.input_monitor import ScanMonitor
 from serd_sim.safety.known_space import KnownSpace
 from serd_sim.safety.motion import PoseTrack, compose
@@ -29,7 +29,7 @@ from serd_sim.safety.scan import Scan
 from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.observation import Observation, People, Pose, make_observation
+from serd_sim.world.observation import Observation, People, Pose
 
 _ALPHA, _BETA = 0.6, 0.25
 #: How far a detection may be from a track's prediction.
@@ -205,11 +205,6 @@ class ScanPerception:
 
     def take(self, observation: Observation, ranges_m: NDArray[np.float32]) -> None:
         """Take the scan (n_rays,) that was made at an observation's time and pose."""
-        if ranges_m.shape != self._angles_rad.shape:
-            raise SimError(
-                f"ranges_m must have {len(self._angles_rad)} rays as lidar.n_rays of the scenario"
-                f", got {ranges_m.shape}; set lidar.n_rays to those of the sensor"
-            )
         found = self._people_in(ranges_m, self._angles_rad, observation.pose)
         self.tracker.update(found, observation.time_s)
 
@@ -226,12 +221,12 @@ class ScanPerception:
     def see(self, observation: Observation) -> Observation:
         """The observation with the tracked people, predicted to its time, as its people."""
         self.tracker.predict(observation.time_s)
-        found = {
-            "people_position_m": self.tracker.position_m,
-            "people_velocity_mps": self.tracker.velocity_mps,
-            "people_id": self.tracker.identity,
-        }
-        return make_observation(**vars(observation) | found)
+        return replace(
+            observation,
+            people_position_m=self.tracker.position_m,
+            people_velocity_mps=self.tracker.velocity_mps,
+            people_id=self.tracker.identity,
+        )
 
 
 _MOST_WAITING = 20

@@ -32,7 +32,7 @@ NO_PEOPLE = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int6
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """State of the robot and the people around it; build it with `make_observation`.
+    """State of the robot and the people around it.
 
     time_s, tick: simulated time and the number of control periods it is.
     pose: (x_m, y_m, yaw_rad) of the robot in the map, yaw in [-pi, pi].
@@ -47,6 +47,22 @@ class Observation:
     people_position_m: FloatArray
     people_velocity_mps: FloatArray
     people_id: IntArray
+
+    def __post_init__(self) -> None:
+        x_m, y_m, yaw_rad = map(float, self.pose)
+        position, velocity = map(
+            _single_precision, (self.people_position_m, self.people_velocity_mps)
+        )
+        identity = np.array(self.people_id, dtype=np.int64)
+        if not len(position) == len(velocity) == len(identity):
+            raise SimError(
+                "people_position_m, people_velocity_mps and people_id must be of one length, got "
+                f"{len(position)}, {len(velocity)} and {len(identity)}; send one row per person"
+            )
+        values = {"pose": (x_m, y_m, float(np.float32(yaw_rad))), "people_id": identity}
+        values |= {"people_position_m": position, "people_velocity_mps": velocity}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     @property
     def is_finite(self) -> bool:
@@ -72,38 +88,6 @@ class Observation:
     def yaw_rad(self) -> float:
         """Heading of the robot, counter-clockwise from east."""
         return self.pose[2]
-
-
-def make_observation(
-    *,
-    time_s: float,
-    tick: int,
-    pose: tuple[float, float, float],
-    speed_mps: float,
-    yaw_rate_radps: float,
-    people_position_m: ArrayLike,
-    people_velocity_mps: ArrayLike,
-    people_id: ArrayLike,
-) -> Observation:
-    """Observation with yaw and people rounded to what single-precision messages can carry."""
-    position = _single_precision(people_position_m)
-    velocity = _single_precision(people_velocity_mps)
-    identity = np.array(people_id, dtype=np.int64)
-    if not len(position) == len(velocity) == len(identity):
-        raise SimError(
-            "people_position_m, people_velocity_mps and people_id must be of one length, got "
-            f"{len(position)}, {len(velocity)} and {len(identity)}; send one row per person"
-        )
-    return Observation(
-        time_s=float(time_s),
-        tick=int(tick),
-        pose=(float(pose[0]), float(pose[1]), float(np.float32(pose[2]))),
-        speed_mps=float(speed_mps),
-        yaw_rate_radps=float(yaw_rate_radps),
-        people_position_m=position,
-        people_velocity_mps=velocity,
-        people_id=identity,
-    )
 
 
 def _single_precision(values: ArrayLike) -> FloatArray:
@@ -184,7 +168,7 @@ class ObservationInbox:
             return None
         people = NO_PEOPLE if self._people is None else self._people[1]
         time_s = self._pose[0] * 1e-9
-        return make_observation(
+        return Observation(
             time_s=time_s,
             tick=round(time_s / self._control_period_s),
             pose=self._pose[1],

@@ -30,7 +30,6 @@ from serd_sim.world.observation import (
     START,
     Observation,
     episode_rng,
-    make_observation,
 )
 
 
@@ -109,7 +108,7 @@ class HallwayWorld:
     def _observed_now(self) -> Observation:
         """Make the observation of the present tick."""
         crowd, robot = self._running(), self._robot.state
-        self._observation = make_observation(
+        self._observation = Observation(
             time_s=self.time_s,
             tick=self.tick,
             pose=robot.pose,
