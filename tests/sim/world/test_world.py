@@ -3,7 +3,6 @@
 import math
 import subprocess
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 
 from serd_files.errors import USER_ERRORS
 from serd_sim.crowd.robots import RobotBody
-from serd_sim.robot.robot import ContactCounter, ContactCounts, Touches, standing_at
+from serd_sim.robot.robot import ContactCounter, ContactCounts, Touches
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.command import STOP, Command, limited_velocity
@@ -65,8 +64,7 @@ def test_time_runs_on_over_episodes_and_leaves_a_gap_that_observations_show():
 def test_a_constant_command_drives_the_exact_circle():
     with HallwayWorld(KINEMATIC, seed=1) as world:
         world.reset(0)
-        standing = standing_at((3.0, 8.0, 0.0))
-        world._robot.place(replace(standing, speed_mps=0.5, yaw_rate_radps=1.0))
+        world._robot.place((3.0, 8.0, 0.0), speed_mps=0.5, yaw_rate_radps=1.0)
         for _ in range(100):
             seen = world.step(Command(0.5, 1.0))
     expected = 3.0 + 0.5 * math.sin(5.0), 8.0 + 0.5 * (1 - math.cos(5.0)), 5.0 - 2 * math.pi
@@ -79,7 +77,7 @@ def test_a_constant_command_drives_the_exact_circle():
 def test_a_command_that_is_not_finite_stops_the_robot(scenario, bad, rocking_mps):
     with HallwayWorld(scenario, seed=1) as world:
         world.reset(0)
-        world._robot.place(standing_at((3.0, 5.0, math.pi / 2)))
+        world._robot.place((3.0, 5.0, math.pi / 2))
         for command in [Command(1.0, 0.0)] * 20 + [Command(bad, 0.0)] * 10:
             seen = world.step(command)
         assert abs(seen.speed_mps) <= rocking_mps
@@ -151,7 +149,8 @@ def test_a_bump_that_trembles_counts_once_and_one_after_parting_again():
 
 def test_alone_the_robot_touches_walls_only():
     counter = ContactCounter(0)
-    empty = Crowd(x_m=np.zeros(0))
+    empty = Crowd(**dict.fromkeys(("x_m", "y_m", "velocity_x_mps", "velocity_y_mps"), np.zeros(0)))
+    empty.body_radius_m = 0.25
     for distance_m in (0.3, 0.24, 0.26, 0.24, 0.4, 0.24):
         counter.update(empty, robot(0.5), distance_m)
     assert counter.counts.robot_on_wall == 2
