@@ -72,8 +72,14 @@ class PeopleTracker:
             self._correct(track, detections_m[detection], step_s)
             self._seen_s[track] = time_s
             free[detection] = False
-        self._forget(time_s)
-        self._start_tracks(detections_m[free], time_s)
+        known = time_s - self._seen_s <= _MEMORY_S
+        new_m = detections_m[free]
+        numbers = self._next_identity + np.arange(len(new_m), dtype=np.int64)
+        self._next_identity += len(new_m)
+        self.position_m = np.concatenate([self.position_m[known], new_m])
+        self.velocity_mps = np.concatenate([self.velocity_mps[known], np.zeros_like(new_m)])
+        self.identity = np.concatenate([self.identity[known], numbers])
+        self._seen_s = np.concatenate([self._seen_s[known], np.full(len(new_m), time_s)])
 
     def _pairs(self, detections_m: FloatArray) -> list[tuple[int, int]]:
         """Track and detection numbers, nearest first, each at most once, within the gate."""
@@ -92,20 +98,6 @@ class PeopleTracker:
         velocity = self.velocity_mps[track] + _BETA / step_s * residual
         speed = float(np.hypot(*velocity))
         self.velocity_mps[track] = velocity * min(1.0, FASTEST_MPS / max(speed, 1e-9))
-
-    def _forget(self, time_s: float) -> None:
-        known = time_s - self._seen_s <= _MEMORY_S
-        self.position_m, self.velocity_mps = self.position_m[known], self.velocity_mps[known]
-        self.identity, self._seen_s = self.identity[known], self._seen_s[known]
-
-    def _start_tracks(self, detections_m: FloatArray, time_s: float) -> None:
-        count = len(detections_m)
-        numbers = self._next_identity + np.arange(count, dtype=np.int64)
-        self._next_identity += count
-        self.position_m = np.concatenate([self.position_m, detections_m])
-        self.velocity_mps = np.concatenate([self.velocity_mps, np.zeros((count, 2))])
-        self.identity = np.concatenate([self.identity, numbers])
-        self._seen_s = np.concatenate([self._seen_s, np.full(count, time_s)])
 
 
 WALL_MARGIN_M = 0.12

@@ -199,12 +199,15 @@ def seen():
 
 
 def test_robot_and_people_are_drawn_where_they_are():
-    frame = VIEW.frame((3.0, 8.0, 0.0), [[1.0, 2.0], [5.0, 20.0]])
+    def frame_of(*people):
+        return VIEW.frame_at([observation_at(3.0, 8.0, people=people)], 0)
+
+    frame = frame_of([1.0, 2.0], [5.0, 20.0])
     assert frame.dtype == np.uint8
     assert is_coloured(pixel(frame, 3.0, 8.0), BLUE)
     places = ((1.0, 2.0), (5.0, 20.0), (2.0, 12.0))
     assert [is_coloured(pixel(frame, *each), RED) for each in places] == [True, True, False]
-    np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.frame())
+    np.testing.assert_array_equal(frame_of([100.0, 100.0], [-50.0, 3.0]), frame_of())
 
 
 def test_png_and_gif_hold_the_frames(seen, tmp_path):
@@ -218,7 +221,7 @@ def test_png_and_gif_hold_the_frames(seen, tmp_path):
 
 def test_a_movie_without_frames_or_whose_frames_fail_leaves_nothing_behind(tmp_path):
     def failing():
-        yield VIEW.frame()
+        yield VIEW.frame_at([observation_at(3.0, 8.0)], 0)
         raise RuntimeError("no more")
 
     with pytest.raises(USER_ERRORS, match="record an episode first"):
