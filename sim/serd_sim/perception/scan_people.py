@@ -120,7 +120,9 @@ def people_in_scan(
     wall_margin_m: points nearer than this to a wall belong to it. Of more groups than
     `_MOST_GROUPS` the nearest count.
     """
-    rays, x_m, y_m = _end_points(ranges_m, angles_rad, pose)
+    rays = np.flatnonzero(np.isfinite(ranges_m))
+    angle_rad, reach_m = angles_rad[rays] + pose[2], ranges_m[rays].astype(np.float64)
+    x_m, y_m = pose[0] + reach_m * np.cos(angle_rad), pose[1] + reach_m * np.sin(angle_rad)
     free = walls.at(x_m, y_m) > wall_margin_m
     rays, x_m, y_m = rays[free], x_m[free], y_m[free]
     if not len(rays):
@@ -140,18 +142,6 @@ def people_in_scan(
         if (center := _center_of(body, pose, person_radius_m)) is not None
     ]
     return np.array(centers).reshape(-1, 2)
-
-
-def _end_points(
-    ranges_m: NDArray[np.float32], angles_rad: FloatArray, pose: Pose
-) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-    """Indices and end points of the rays that have a return."""
-    rays = np.flatnonzero(np.isfinite(ranges_m))
-    angle = angles_rad[rays] + pose[2]
-    reach_m = ranges_m[rays].astype(np.float64)
-    x_m: FloatArray = pose[0] + reach_m * np.cos(angle)
-    y_m: FloatArray = pose[1] + reach_m * np.sin(angle)
-    return rays, x_m, y_m
 
 
 def _continues_around(rays: NDArray[np.intp], groups: list[FloatArray], n_rays: int) -> bool:
