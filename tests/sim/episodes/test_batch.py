@@ -155,26 +155,18 @@ def test_zones_of_a_person_are_gaps_between_the_bodies():
     assert metrics.personal_share == 0.5
 
 
-def test_speeds_give_standing_share_and_jerk():
-    speeds = (0.0, 0.04, 0.1, 0.1)
-    metrics = metrics_of(*(((2.0, 5.0, 0.0), speed) for speed in speeds))
+def test_motions_and_commands_give_means_over_time():
+    """The way is 3 m; turns go over the border of angles."""
+    yaws, speeds = np.pi - np.array([0.1, -0.1, 0.1, 0.1]), (0.0, 0.04, 0.1, 0.1)
+    commands = [Command(0.0, 0.0), Command(0.1, 1.0), Command(0.1, 0.5), Command(0.1, 0.5)]
+    poses = [(2.0, 5.0 + n, math.remainder(yaw, math.tau)) for n, yaw in enumerate(yaws)]
+    metrics = metrics_of(*zip(poses, speeds, strict=True), commands=commands)
     assert metrics.standing_share == 0.5
     assert metrics.mean_speed_mps == pytest.approx(0.06)
-    second_differences = (0.02, -0.06)
-    assert metrics.mean_abs_jerk_mps3 == pytest.approx(np.abs(second_differences).mean() / 0.05**2)
-
-
-def test_turning_is_per_metre_of_way_and_over_the_border_of_angles():
-    poses = [(2.0, 5.0, math.pi - 0.1), (2.0, 6.0, -math.pi + 0.1), (2.0, 7.0, math.pi - 0.1)]
-    metrics = metrics_of(*((pose, 1.0) for pose in poses))
-    assert metrics.path_irregularity_radpm == pytest.approx(0.4 / 2.0)
-
-
-def test_commands_give_the_mean_change_per_second():
-    commands = [Command(0.0, 0.0), Command(0.1, 1.0), Command(0.1, 0.5)]
-    metrics = metrics_of(*[((2.0, 5.0, 0.0), 0.0)] * 3, commands=commands)
-    assert metrics.mean_abs_acceleration_mps2 == pytest.approx(0.1 / 0.05 / 2)
-    assert metrics.mean_abs_turn_acceleration_radps2 == pytest.approx(1.5 / 0.05 / 2)
+    assert metrics.mean_abs_jerk_mps3 == pytest.approx((0.02 + 0.06) / 2 / 0.05**2)
+    assert metrics.path_irregularity_radpm == pytest.approx(0.4 / 3.0)
+    assert metrics.mean_abs_acceleration_mps2 == pytest.approx(0.1 / 0.05 / 3)
+    assert metrics.mean_abs_turn_acceleration_radps2 == pytest.approx(1.5 / 0.05 / 3)
 
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(5)
