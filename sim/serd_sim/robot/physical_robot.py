@@ -75,8 +75,10 @@ class PhysicalRobot:
         self._settings = settings = scenario.robot
         self._person_radius_m, self._step_s = person_radius_m, scenario.control_period_s
         self._drive = settings.differential_drive()
-        self._rolling_radius_m = settings.rolling_radius_m(self._drive)
-        self._wheel_radius_m = settings.wheel_radius_m or self._rolling_radius_m
+        rolling_radius_m = self._drive.radius_m or settings.wheel_radius_m
+        assert rolling_radius_m is not None  # by the validator of the settings
+        self._rolling_radius_m = rolling_radius_m
+        self._wheel_radius_m = settings.wheel_radius_m or rolling_radius_m
         self._separation_m = self._drive.separation_m
         self._torques_nm = (settings.wheel_torque_nm, settings.wheel_torque_nm)
         self._n_substeps = math.ceil(self._step_s / _LONGEST_SUBSTEP_S - 1e-9)

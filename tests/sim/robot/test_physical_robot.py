@@ -130,19 +130,16 @@ def test_a_drive_among_people_who_bump_into_the_robot_repeats_bit_for_bit(place_
 
 def test_a_robot_driven_at_a_wall_stays_out_of_it_and_the_contact_counts_once():
     with HallwayWorld(physical(), seed=1) as world:
-        world.reset(0)
-        world._robot.place((5.0, 8.0, 0.0))
-        for _ in range(60):
-            seen = world.step(Command(1.0, 0.0))
-    assert seen.x_m == pytest.approx(5.75, abs=0.01)
+        started(world, 5.0)
+        path = driven(world, Command(1.0, 0.0), 60)
+    assert path[-1, 0] == pytest.approx(5.75, abs=0.01)
     assert world.contacts.robot_on_wall == 1
 
 
 def meeting(robot_mps, person_mps, **robot):
     """(contacts, robot's x, person's x): the robot begins at x = 2 m and a person at x = 3 m."""
     with HallwayWorld(blind(1, **robot), seed=1) as world:
-        world.reset(0)
-        world._robot.place((2.0, 8.0, 0.0))
+        started(world, 2.0)
         crowd = world._crowd
         crowd.x_m[0], crowd.y_m[0] = 3.0, 8.0
         places = []
