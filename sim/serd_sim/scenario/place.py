@@ -17,11 +17,7 @@ from serd_sim.scenario.cells import (
     cells_for_footprint,
     cells_with_clearance,
 )
-from serd_sim.scenario.polygon import (
-    counter_clockwise,
-    edges_of,
-    without_straight_corners,
-)
+from serd_sim.scenario.polygon import counter_clockwise, edges_of, without_straight_corners
 from serd_sim.scenario.settings import (
     LidarSettings,
     Obstacle,
@@ -40,7 +36,7 @@ MOST_CELLS = 40_000
 
 
 class Place(StrictModel):
-    """The values of a scenario, and its walls and cells; `rules` says what they must fulfil."""
+    """The values of a scenario, and its walls and cells; `rules` has what they must fulfil."""
 
     name: str = setting(..., "name in titles and tables")
     description: str = setting("", "one line for `serd scenario list`")
