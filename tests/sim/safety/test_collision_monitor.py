@@ -109,6 +109,15 @@ def test_a_robot_that_touches_something_may_turn_and_drive_away_but_not_into_it(
     assert (command, action) == (Command(0.0, 1.0), GuardAction.STOP)
 
 
+@pytest.mark.parametrize(("side", "passes"), [(1.0, False), (-1.0, True)])
+def test_an_obstacle_on_the_inner_side_of_a_turn_slows_the_robot_and_one_outside_does_not(
+    side, passes
+):
+    turn, seen = Command(0.8, 3.0), obstacles([(0.3, 0.2 * side), (0.3, 0.21 * side)])
+    command, _, _ = CollisionMonitor(SETTINGS).step(turn, (0.8, 3.0), seen)
+    assert (command == turn) == passes
+
+
 def test_a_robot_may_follow_a_wall_that_is_nearer_than_the_margin():
     along = np.arange(-2.0, 2.0, 0.02)
     wall_m = np.stack([along, np.full_like(along, 0.26)], axis=1)
