@@ -19,8 +19,9 @@ from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import yaml_model
 from serd_sim.scenario.cells import cells_with_clearance
 from serd_sim.scenario.grid import cell_area_m, goal_cell, grid_of
+from serd_sim.scenario.place import MOST_CELLS
 from serd_sim.scenario.polygon import contains, edges_of
-from serd_sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
+from serd_sim.scenario.rules import has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
 
