@@ -13,6 +13,15 @@ _EXTRA_OF = {
 }
 
 
+def missing_pictures() -> str:
+    """Why no picture is drawn, as Matplotlib is not installed; empty where it is."""
+    try:
+        import matplotlib  # noqa: F401
+    except ModuleNotFoundError as error:
+        return f"no picture is drawn: {missing_extra(error)}"
+    return ""
+
+
 def missing_extra(error: ModuleNotFoundError) -> str:
     """The sentence for a library that an extra installs; empty for any other module."""
     library = (error.name or "").partition(".")[0]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.drives.recording import Recording, is_table
+from serd_app.drives.recording import Recording
 from serd_app.drives.transforms import RecordedTransforms, plain_name
 from serd_bag.errors import FileError
 from serd_bag.messages.people import SeenPeople, SightedIds, people_in, require_people
@@ -150,7 +150,7 @@ def flow_from_recordings(
             velocity_mps = np.concatenate([_velocity_mps(track) for track in each.people])
             digest = blake2b(position_m.tobytes(), digest_size=16).digest()
             seen.setdefault(digest, (position_m, velocity_mps))
-        reader = None if is_table(each.bag) else BagReader(each.bag, tolerant=tolerant)
+        reader = None if each.of_table else BagReader(each.bag, tolerant=tolerant)
         if reader is not None and topics_named(reader.topics, topic):
             for one in recorded_sightings(reader, topic, frame=frame):
                 people = one.people.position_m[:, :2], one.people.velocity_mps[:, :2]

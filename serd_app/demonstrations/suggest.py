@@ -20,9 +20,12 @@ from serd_app.demonstrations.candidates import (
     Candidates,
     PoseCandidate,
 )
-from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
+from serd_app.demonstrations.discretise import (
+    MOST_MOVING_WAITS,
+    DiscretisationReport,
+    demonstrations_of_drives,
+)
 from serd_app.demonstrations.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, fitted_grid
-from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.drives.actions import PoseTrack
 from serd_app.drives.drive import EPISODE, INTENT, POSE
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, usual_gap_s
@@ -186,10 +189,10 @@ def _tested(
         moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
         noted["frame"] = (moved,)
     try:
-        recording = Recording(bag, (collected.drive(mapping),))
-        grid = fitted_grid([recording], size_m)
-        (found,) = demonstrations_of_all([recording], grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
-        report = found.report if found.report.n_decisions else None
+        drives = (collected.drive(mapping),)
+        grid = fitted_grid([Recording(bag, drives)], size_m)
+        _, found = demonstrations_of_drives(drives, grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
+        report = found if found.n_decisions else None
     except (BagError, AppError) as error:
         noted[""] = (*noted.get("", ()), str(error))
     return Suggestion(bag, mapping, noted, report, size_m)

@@ -10,12 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.errors import AppError
-from serd_app.navigation.comparison import Comparison, compare
+from serd_app.navigation.comparison import (
+    Comparison,
+    arrival_times_s,
+    compare,
+    predicted_law,
+)
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import DriveSettings
-from serd_app.report.pictures import save_arrival_picture
 from serd_bag.files import read_text, require_folder
 from serd_core.grid.grid import Action
+from serd_files.errors import missing_pictures
 from serd_files.table import EpisodeResult, load_episodes, write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.episode import result_of_record, run_episode
@@ -61,9 +66,14 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
         require_folder(output)
         claim_folder(output, settings)
     rows = drive_all(settings, output, navigator)
-    missing = ""
-    if output is not None:
-        missing = save_arrival_picture(output / "arrival.png", strategy, settings.start_area, rows)
+    missing = "" if output is None else missing_pictures()
+    if output is not None and not missing:
+        from serd_app.report.figures.arrival import draw_comparison
+        from serd_app.report.style import save_figure
+
+        law, times_s = predicted_law(strategy, settings.start_area), arrival_times_s(rows)
+        figure = draw_comparison(law, times_s, strategy.timeout_s)
+        save_figure(output / "arrival.png", figure)
     comparison = compare(strategy, settings.start_area, rows)
     return Navigated(settings, comparison, strategy.scenario.patience_remark, missing)
 

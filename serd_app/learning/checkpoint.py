@@ -27,7 +27,7 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.drives.drive import CUT_OFF
 from serd_app.drives.sessions import DriveSessions
-from serd_app.learning.fit_data import FitProgress, ProgressCallback
+from serd_app.learning.methods import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray

@@ -12,9 +12,15 @@ import numpy as np
 
 from serd_app.demonstrations.flow_field import load_flow
 from serd_app.errors import AppError
-from serd_app.learning.fit_data import FitData, ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import MethodResult, fit_by
+from serd_app.learning.methods import (
+    FitData,
+    MethodResult,
+    ProgressCallback,
+    fit_by,
+    fit_data,
+    ignore_progress,
+)
 from serd_app.learning.outcome import FitOutcome, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
@@ -42,12 +48,14 @@ class LearningTask:
 
     problem: its decisions take time. own_flow: whether the flow of people is another than the
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
+    left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
     """
 
     problem: NavigationProblem
     scenario: str
     own_flow: bool = False
     scenario_yaml: str = ""
+    left_out: str = ""
 
 
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
@@ -73,7 +81,7 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(decisions, settings)
+    require_enough(decisions, settings, task.left_out)
     rng = np.random.default_rng(settings.seed)
     problem = _problem_of(task.problem, settings.method, decisions)
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
@@ -97,6 +105,7 @@ def learn(
         ),
         learned_traps(paced, decisions, found.fit.reward_weights, driven),
         problem,
+        decisions,
         found.prior_weight,
         found.validation,
         None if posterior is None else knowledge_of(problem, posterior),
@@ -121,13 +130,16 @@ def _posterior_of(
     return posterior, None if posterior is None else laplace_draws(posterior, data.rng)
 
 
-def require_enough(decisions: Decisions, settings: LearningSettings) -> None:
-    """AppError where there are too few decisions to learn from."""
+def require_enough(decisions: Decisions, settings: LearningSettings, left_out: str = "") -> None:
+    """AppError where there are too few decisions to learn from; left_out: see `LearningTask`."""
     n_decisions = len(decisions)
     if n_decisions < settings.minimum_decisions:
+        besides, fix = f" besides {left_out}", "demonstrate more or name another --goal"
+        if not left_out:
+            besides, fix = "", "demonstrate more"
         raise AppError(
-            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to "
-            f"learn, got {n_decisions}; demonstrate more"
+            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to"
+            f" learn, got {n_decisions}{besides}; {fix}"
         )
 
 

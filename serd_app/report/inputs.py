@@ -3,10 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from serd_app.learning.knowledge import Knowledge
-from serd_app.navigation.comparison import RecordedTimes
+from serd_app.navigation.comparison import RecordedTimes, arrival_times_s
 from serd_core.arrays import FloatArray
 from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
@@ -94,7 +92,7 @@ class ReportInputs:
     @property
     def arrival_times_s(self) -> FloatArray:
         """(N,) time of arrival of each episode, inf where it did not arrive."""
-        return np.array([row.time_of_arrival_s if row.arrived else np.inf for row in self.episodes])
+        return arrival_times_s(self.episodes)
 
 
 def in_words(name: str) -> str:

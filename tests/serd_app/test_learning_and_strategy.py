@@ -9,7 +9,7 @@ import pytest
 from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.demonstrations.flow_field import FlowField, save_flow
 from serd_app.learning.checkpoint import LearnerMemory
-from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import fit_of_file, learned_traps
 from serd_app.learning.recipe import learn, task_in
 from serd_core.arrival.arriving_policy import trap_states

@@ -7,9 +7,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import save_decisions
+from serd_app.demonstrations.decision_table import DemonstrationRecord, save_decisions
 from serd_app.demonstrations.flow_field import FlowField, save_flow
-from serd_app.demonstrations.recorded import DemonstrationRecord
 from serd_app.learning.settings import MethodName
 from serd_core.bayes.laplace import N_DRAWS
 from serd_core.demonstrations.simulation import sample_timed_decisions
@@ -149,7 +148,11 @@ APART = (
     ({"wait_s": 2.0}, (), "wait_s must be 1 as in the scenario, got 2"),
     ({"grid_fingerprint": "0"}, (), "but it is another; run 'serd demos' again"),
     ({"scenario": ""}, ("--flow", "scenario"), "--flow scenario needs a scenario"),
-    ({}, ("--goal", "4.5,10.5", "--minimum-decisions", "99999"), "decisions before the goal are n"),
+    (
+        {},
+        ("--goal", "4.5,10.5", "--minimum-decisions", "99999"),
+        "after the goal; demonstrate more",
+    ),
 )
 
 
