@@ -315,12 +315,9 @@ def _law(models: SemiMarkovModels, m: int, dynamics: LearnedDynamics) -> dict[st
     }
 
 
-def load_model(path: str | Path, *, expected_grid: Grid | None = None) -> ModelFile:
-    """Read a model; FileError names the differences where it was made for another grid."""
-    model = load_yaml_model(path, ModelFile)
-    if expected_grid is not None:
-        require_grid(path, model, expected_grid)
-    return model
+def load_model(path: str | Path) -> ModelFile:
+    """Read a model; FileError where it is none."""
+    return load_yaml_model(path, ModelFile)
 
 
 def require_grid(path: str | Path, model: ModelFile, grid: Grid) -> None:

@@ -15,11 +15,7 @@ from serd_app.errors import ReportError
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.comparison import (
-    predicted_law,
-    recorded_times,
-    starts_of,
-)
+from serd_app.navigation.comparison import predicted_law, recorded_times, starts_of
 from serd_app.navigation.navigator import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
@@ -33,7 +29,6 @@ from serd_sim.world.epochs import decisions_of
 
 if TYPE_CHECKING:
     from serd_app.report.write import Reported
-
 
 _PACKAGES = ("serd", "numpy", "scipy")
 
@@ -82,7 +77,7 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         scenario=place,
         problem=problem,
         fit=fit_of_file(file, problem, trace),
-        policy=strategy.policy,
+        driven=strategy.driven,
         episodes=_episodes(sources.episodes),
         predicted=predicted_law(strategy, "train"),
         timeout_s=strategy.timeout_s,
@@ -91,7 +86,6 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(sources, strategy),
         n_demonstrations=file.fit.n_episodes,
-        driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
     )
 

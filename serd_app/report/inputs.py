@@ -11,7 +11,6 @@ from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.policies.solved_policy import Policy
 from serd_files.table import EpisodeResult
 from serd_sim.scenario.scenario import Scenario
 
@@ -63,10 +62,10 @@ class ReportInputs:
 
     demonstrations: may be empty, then n_demonstrations is how many there were.
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
-    policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
+    driven: the policy that drove, and where it is not the learned one; remarks: on that. predicted:
+    its arrival from the area `train`, up to `timeout_s`.
     episodes: empty where it has not driven. knowledge: None where the fit has no posterior.
     forecasts: from chosen starts.
-    driven: where the policy is not the learned one, None where it is everywhere; remarks: on that.
     recorded: times of arrival of the demonstrations, None where they are not known.
     """
 
@@ -76,7 +75,7 @@ class ReportInputs:
     demonstrations: Decisions
     demonstration_tracks_m: tuple[FloatArray, ...] = ()
     fit: FitResult
-    policy: Policy
+    driven: ArrivingPolicy
     episodes: tuple[EpisodeResult, ...]
     predicted: ArrivalLaw
     timeout_s: float
@@ -85,7 +84,6 @@ class ReportInputs:
     knowledge: Knowledge | None = None
     forecasts: tuple[Forecast, ...] = ()
     n_demonstrations: int = 0
-    driven: ArrivingPolicy | None = None
     remarks: tuple[str, ...] = ()
     recorded: RecordedTimes | None = None
 

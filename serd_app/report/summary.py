@@ -16,7 +16,6 @@ from serd_app.report.figures.arrival import measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs, RunFacts, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
-from serd_core.arrival.arriving_policy import trap_states
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.scenario.grid import start_states_of
@@ -36,15 +35,14 @@ def summary_of(inputs: ReportInputs) -> Summary:
     demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
     is not stated, none where it is.
     """
-    fit, n_given, driven = inputs.fit, inputs.n_demonstrations, inputs.driven
-    recorded, trapped = inputs.recorded, int(trapped_states(inputs).sum())
+    fit, n_given, recorded = inputs.fit, inputs.n_demonstrations, inputs.recorded
     return {
         "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
         "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
         "n_compared_decisions": len(inputs.demonstrations),
         **_of_arrival(inputs),
-        "n_trap_states": trapped if driven is None else len(driven.traps.states),
-        "n_least_time_states": 0 if driven is None else int(driven.by_time.sum()),
+        "n_trap_states": len(inputs.driven.traps.states),
+        "n_least_time_states": int(inputs.driven.by_time.sum()),
         "plan_remarks": inputs.remarks,
         "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
         "no_prediction_because": _reasons_against_prediction(inputs),
@@ -168,11 +166,8 @@ def span_in_words(times_s: Sequence[float]) -> str:
 
 def trapped_states(inputs: ReportInputs) -> BoolArray:
     """(S,) states from which the learned policy does not arrive."""
-    if inputs.driven is not None:
-        traps = inputs.driven.learned_traps
-        return np.asarray(traps.looping | traps.unlikely)
-    problem = inputs.problem
-    return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
+    traps = inputs.driven.learned_traps
+    return np.asarray(traps.looping | traps.unlikely)
 
 
 def known_decisions(inputs: ReportInputs) -> IntArray:

@@ -80,10 +80,9 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     if len(inputs.demonstrations):
         visits = state_counts(inputs.demonstrations, grid.n_states)
         found["visitation"] = draw_visitation(scenario, grid, visits, inputs.demonstration_tracks_m)
-    whose = "" if inputs.driven is None else " of the learned policy"
-    policy, traps = inputs.policy, trapped_states(inputs)
+    policy, traps = inputs.driven.policy, trapped_states(inputs)
     found["policy"] = draw_policy_map(
-        scenario, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
+        scenario, grid, policy.value, policy.greedy, problem.goal_states, traps
     )
     recorded_s = () if inputs.recorded is None else inputs.recorded.times_s
     if inputs.episodes:

@@ -78,7 +78,7 @@ def report_inputs(
         demonstrations=decisions,
         demonstration_tracks_m=recorded_tracks_m(folder.bag),
         fit=fit_of_file(strategy.file, strategy.problem, load_trace(folder.learning)),
-        policy=strategy.policy,
+        driven=strategy.driven,
         episodes=folder.episodes(folder.navigation),
         predicted=predicted_law(strategy, "train"),
         timeout_s=settings.timeout_s,
@@ -92,7 +92,6 @@ def report_inputs(
         ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
-        driven=strategy.driven,
         remarks=tuple(plan_remarks(strategy)),
         recorded=recorded_times(
             strategy, until_goal(decisions, goals), episodes_reaching(decisions, goals)

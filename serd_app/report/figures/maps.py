@@ -91,11 +91,10 @@ def draw_policy_map(
     greedy: IntArray,
     goal_states: IntArray,
     trapped: BoolArray,
-    whose: str = "",
 ) -> Figure:
-    """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait), trapped (S,) outlined.
+    """value (S,) as shades of blue, greedy (S,) as arrows (dot = wait).
 
-    whose: policy that is trapped, for the title, where the arrows are not its own.
+    trapped: (S,) from which the learned policy does not arrive, which are outlined.
     """
     with style.report_style():
         elsewhere = np.delete(value, goal_states)
@@ -109,7 +108,9 @@ def draw_policy_map(
         )
         n_traps = counted(int(trapped.sum()), "trap state")
         axes.set_title(
-            f"{n_traps}{whose} (dashed red)" if trapped.any() else "every arrow leads to the goal"
+            f"{n_traps} of the learned policy (dashed red)"
+            if trapped.any()
+            else "every arrow leads to the goal"
         )
     return figure
 

@@ -13,6 +13,8 @@ from serd_app.report.inputs import (
     RunFacts,
 )
 from serd_app.report.write import write_report
+from serd_core.arrival.arriving_policy import ArrivingPolicy, arriving_policy
+from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.demonstrations.simulation import sample_timed_decisions
@@ -91,11 +93,21 @@ def policy(problem: NavigationProblem, fit: FitResult) -> Policy:
     return optimal_policy(by_decisions, fit.reward_weights, fit.outcome_probabilities)
 
 
+def driven_by(policy: Policy, problem: NavigationProblem, outcomes: np.ndarray) -> ArrivingPolicy:
+    """The policy, and the way of least expected time where it does not arrive."""
+    problem = problem.by_decisions
+    ones = np.ones(problem.mdp.available.shape)
+
+    def arrival_of(policy: Policy) -> ArrivalByState:
+        return arrival_by_state(problem, policy.probabilities, outcomes, 60)
+
+    return arriving_policy(problem, policy, outcomes, ones, arrival_of, 60)
+
+
 @pytest.fixture(scope="session")
 def inputs(scenario, problem, start, demonstrations, fit, policy) -> ReportInputs:
-    arrived = arrival_by_state(
-        problem.by_decisions, policy.probabilities, fit.outcome_probabilities, 60
-    )
+    driven = driven_by(policy, problem, fit.outcome_probabilities)
+    arrived = driven.arrival
     share = float(arrived.arrival_probability @ start)
     law = ArrivalLaw(2.0 * np.arange(61), arrived.cdf @ start, share)
     return ReportInputs(
@@ -105,7 +117,7 @@ def inputs(scenario, problem, start, demonstrations, fit, policy) -> ReportInput
         demonstrations=demonstrations,
         demonstration_tracks_m=(np.linspace([0.5, 0.5], [2.5, 5.5], 9),),
         fit=fit,
-        policy=policy,
+        driven=driven,
         episodes=(
             episode_result(0, "arrived", 21.05),
             episode_result(1, "arrived", 24.5, person_on_robot=2),

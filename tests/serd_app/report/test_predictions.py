@@ -10,10 +10,9 @@ from serd_app.report.figures.arrival import draw_forecasts
 from serd_app.report.inputs import Forecast
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows
-from serd_core.arrival.arriving_policy import arriving_policy
 from serd_core.policies.solved_policy import optimal_policy
-from support.arrival_twin import arrival_by_state
 from support.episodes import episode_result
+from tests.serd_app.report.conftest import driven_by
 
 
 @pytest.fixture
@@ -29,15 +28,10 @@ def recorded(*times_s, n_outside=0):
 
 def trapped(inputs):
     """The same with a policy that has learned to shun the goal."""
-    problem, outcomes = inputs.problem.by_decisions, inputs.fit.outcome_probabilities
-    learned = optimal_policy(problem, np.array([-1.0, 0.0, 0.0]), outcomes)
-    ones = np.ones(problem.mdp.available.shape)
-
-    def arrival_of(policy):
-        return arrival_by_state(problem, policy.probabilities, outcomes, 60)
-
-    driven = arriving_policy(problem, learned, outcomes, ones, arrival_of, 60)
-    return replace(inputs, policy=driven.policy, driven=driven, remarks=("a remark",))
+    problem, outcomes = inputs.problem, inputs.fit.outcome_probabilities
+    learned = optimal_policy(problem.by_decisions, np.array([-1.0, 0.0, 0.0]), outcomes)
+    driven = driven_by(learned, problem, outcomes)
+    return replace(inputs, driven=driven, remarks=("a remark",))
 
 
 @pytest.mark.parametrize(

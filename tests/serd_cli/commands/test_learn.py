@@ -15,7 +15,7 @@ from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.navigation import with_dwell_times
 from serd_core.policies.solved_policy import soft_policy
 from serd_files.grid_file import save_grid
-from serd_files.model_file import load_model
+from serd_files.model_file import load_model, require_grid
 from serd_files.yaml_config import model_yaml
 from serd_sim.drivers.strategy import load_strategy, start_distribution
 from serd_sim.scenario.grid import flow_of, grid_of, navigation_problem_of, start_states_of
@@ -91,7 +91,8 @@ def test_the_expert_s_weights_lie_within_their_standard_errors(by_default):
     errors = np.array(values["standard_errors"])
     assert (errors < 1.0).all()
     assert (np.abs(np.subtract(weights, list(WEIGHTS.values()))) < 3 * errors).all()
-    model = load_model(folder / "model.yaml", expected_grid=GRID)
+    model = load_model(folder / "model.yaml")
+    require_grid("model.yaml", model, GRID)
     assert (model.patience_s, model.wait_s, model.flow) == (HALLWAY.patience_s, HALLWAY.wait_s, ())
     assert [f"{weight:.6f}" for weight in model.weights] == [f"{weight:.6f}" for weight in weights]
     assert len(model.draws.reward_weights) == N_DRAWS
@@ -202,7 +203,7 @@ def test_every_method_gives_a_model_that_navigates(serd, demonstrations, method)
     words = ("--method", method, "--prior-weight", "0.1", "--json")
     values = serd("learn", demonstrations(), *words).values
     assert (values["method"], values["converged"]) == (method, True)
-    assert load_model(values["model"], expected_grid=GRID).method == method
+    assert load_model(values["model"]).method == method
     strategy = load_strategy(values["model"], HALLWAY, "optimal")
     law = strategy.law_from(start_distribution(HALLWAY, "train"))
     assert law.quantile_s(0.5) < HALLWAY.episode_timeout_s
