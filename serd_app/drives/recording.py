@@ -166,13 +166,9 @@ def _table(path: Path, mapping: TableMapping) -> Recording:
     tracks = found.tracks
     experts, choice = _experts(path, tracks, mapping.experts)
     drives = tuple(_drive_of_track(tracks[expert], mapping, f"table {path}") for expert in experts)
-    people = (
-        tracks
-        if len(experts) == len(tracks)
-        else tuple(track for row, track in enumerate(tracks) if row not in experts)
-    )
-    if len(tracks) == 1 or all(map(_is_robot, tracks)):
-        people = ()
+    others = tuple(track for row, track in enumerate(tracks) if row not in experts)
+    no_people = len(tracks) == 1 or all(map(_is_robot, tracks))
+    people = () if no_people else others or tracks
     assumed = (*found.assumed, choice) if choice else found.assumed
     return Recording(path, drives, of_table=True, people=people, assumed=assumed)
 

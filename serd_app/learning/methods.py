@@ -85,7 +85,7 @@ def ignore_progress(progress: FitProgress) -> None:
     """A ProgressCallback that does nothing."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class FitData:
     """Demonstrations to learn from, and how they are split to choose a weight.
 
@@ -101,8 +101,7 @@ class FitData:
     rng: np.random.Generator
     initial_weights: FloatArray | None = None
     on_progress: ProgressCallback = ignore_progress
-    # A fit for every candidate weight starts from the same estimate and weights.
-    _estimates: dict[Decisions, FloatArray] = field(default_factory=dict, init=False, repr=False)
+    # A fit for every candidate weight starts from the same weights.
     _starts: dict[Decisions, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -112,10 +111,7 @@ class FitData:
 
     def estimate(self, decisions: Decisions) -> FloatArray:
         """(M, K) M-estimate of the dynamics."""
-        if decisions not in self._estimates:
-            pseudo_count = self.settings.pseudo_count
-            self._estimates[decisions] = estimate_dynamics(self.problem, decisions, pseudo_count)
-        return self._estimates[decisions]
+        return estimate_dynamics(self.problem, decisions, self.settings.pseudo_count)
 
     def start_dynamics(self, decisions: Decisions) -> FloatArray:
         """(M, K) where SERD starts: the M-estimate, and where actions are hidden its substitute."""
@@ -152,19 +148,10 @@ def fit_data(
     on_progress: ProgressCallback = ignore_progress,
 ) -> FitData:
     """Split the episodes at random; a single one is not split."""
-    training, validation = decisions, decisions.select_episodes([])
+    parts = decisions, decisions.select_episodes([])
     if len(decisions.episodes) > 1:
-        training, validation = split_episodes(decisions, settings.validation_share, rng)
-    return FitData(
-        problem=problem,
-        settings=settings,
-        decisions=decisions,
-        training=training,
-        validation=validation,
-        rng=rng,
-        initial_weights=initial_weights,
-        on_progress=on_progress,
-    )
+        parts = split_episodes(decisions, settings.validation_share, rng)
+    return FitData(problem, settings, decisions, *parts, rng, initial_weights, on_progress)
 
 
 @dataclass(frozen=True, eq=False)

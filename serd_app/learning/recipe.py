@@ -14,8 +14,6 @@ from serd_app.demonstrations.flow_field import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.learning.methods import (
-    FitData,
-    MethodResult,
     ProgressCallback,
     fit_by,
     fit_data,
@@ -26,7 +24,7 @@ from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws
+from serd_core.bayes.laplace import PosteriorDraws, laplace_draws
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
@@ -37,9 +35,6 @@ from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, 
 from serd_files.model_file import LearnedDynamics, model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
-
-#: Methods that learn laws of dwell times together with rewards and outcomes.
-TOGETHER: tuple[MethodName, ...] = ("mdce_serd_evidence",)
 
 
 @dataclass(frozen=True)
@@ -86,7 +81,8 @@ def learn(
     problem = _problem_of(task.problem, settings.method, decisions)
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
-    posterior, draws = _posterior_of(data, found)
+    posterior = posterior_of(problem, decisions, found.fit)
+    draws = None if posterior is None else laplace_draws(posterior, rng)
     fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
@@ -118,16 +114,9 @@ def _problem_of(
     timed: NavigationProblem, method: MethodName, decisions: TimedDecisions
 ) -> NavigationProblem:
     """What a method learns on: decisions that take time, or all the same."""
-    problem = timed if learns_durations(method, decisions) else timed.by_decisions
-    return problem.with_still_waits if decisions.hidden.any() else problem
-
-
-def _posterior_of(
-    data: FitData, found: MethodResult
-) -> tuple[Laplace | None, PosteriorDraws | None]:
-    """The posterior of a fit and draws from it, None for methods without."""
-    posterior = posterior_of(data.problem, data.decisions, found.fit)
-    return posterior, None if posterior is None else laplace_draws(posterior, data.rng)
+    if decisions.hidden.any():
+        return timed.by_decisions.with_still_waits
+    return timed if method == "mdce_serd_evidence" else timed.by_decisions
 
 
 def require_enough(decisions: Decisions, settings: LearningSettings, left_out: str = "") -> None:
@@ -141,11 +130,6 @@ def require_enough(decisions: Decisions, settings: LearningSettings, left_out: s
             f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to"
             f" learn, got {n_decisions}{besides}; {fix}"
         )
-
-
-def learns_durations(method: MethodName, decisions: Decisions) -> bool:
-    """Whether a method learns the laws together with the rewards from such decisions."""
-    return method in TOGETHER and not decisions.hidden.any()
 
 
 def with_still_waits(fit: FitResult) -> FitResult:

@@ -13,7 +13,7 @@ from serd_app.navigation.comparison import (
     reasons_text,
 )
 from serd_app.report.figures.arrival import measured_curve, time_reaching
-from serd_app.report.inputs import ReportInputs, RunFacts, percent
+from serd_app.report.inputs import ReportInputs, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
@@ -36,6 +36,7 @@ def summary_of(inputs: ReportInputs) -> Summary:
     is not stated, none where it is.
     """
     fit, n_given, recorded = inputs.fit, inputs.n_demonstrations, inputs.recorded
+    run = inputs.run
     return {
         "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
         "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
@@ -47,7 +48,12 @@ def summary_of(inputs: ReportInputs) -> Summary:
         "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
         "no_prediction_because": _reasons_against_prediction(inputs),
         **_of_fit(inputs),
-        **_of_run(inputs.run),
+        "wall_s": {phase.name: phase.wall_s for phase in run.phases},
+        "seeds": dict(run.seeds),
+        "versions": dict(run.versions),
+        "command": run.command,
+        "how": run.how,
+        "finished_at": run.finished_at,
     }
 
 
@@ -89,18 +95,6 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
         "decisions_per_model": dict(zip(models, known_decisions(inputs).tolist(), strict=True)),
         "outcome_probabilities": dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
         "initial_outcome_probabilities": dict(zip(models, initial, strict=True)),
-    }
-
-
-def _of_run(run: RunFacts) -> dict[str, Any]:
-    """What a reader needs to make the same run again."""
-    return {
-        "wall_s": {phase.name: phase.wall_s for phase in run.phases},
-        "seeds": dict(run.seeds),
-        "versions": dict(run.versions),
-        "command": run.command,
-        "how": run.how,
-        "finished_at": run.finished_at,
     }
 
 

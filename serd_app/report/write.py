@@ -134,12 +134,17 @@ def render_page(
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary table: names and values as text."""
+    recorded, times_s = [], summary["recorded_times_s"]
+    if times_s:
+        recorded = [
+            ("Recorded arrivals", f"{len(times_s)} of them, after {span_in_words(times_s)}")
+        ]
     return [
         (
             "Demonstrations",
             f"{summary['n_demonstrations']} with {counted(summary['n_decisions'], 'decision')}",
         ),
-        *_recorded_rows(summary),
+        *recorded,
         *_arrival_rows(summary),
         ("Trap states", str(summary["n_trap_states"])),
         *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary["plan_remarks"]),
@@ -150,13 +155,6 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
             f" {summary['objective']:.2f}",
         ),
     ]
-
-
-def _recorded_rows(summary: Summary) -> list[tuple[str, str]]:
-    times_s = summary["recorded_times_s"]
-    if not times_s:
-        return []
-    return [("Recorded arrivals", f"{len(times_s)} of them, after {span_in_words(times_s)}")]
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:

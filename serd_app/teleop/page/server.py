@@ -15,7 +15,6 @@ import logging
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -29,12 +28,7 @@ from serd_app.teleop.page.hub import LARGEST_REQUEST_BYTES, Hub, OpenPage, PageR
 from serd_bag.files import read_text
 
 _COOKIE = "serd_token"
-_TYPES = {
-    ".html": "text/html",
-    ".css": "text/css",
-    ".js": "text/javascript",
-    ".svg": "image/svg+xml",
-}
+_STATIC = Path(__file__).with_name("static")
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -135,22 +129,14 @@ def make_app(hub: Hub, access: PageAccess) -> web.Application:
 
     app = web.Application(middlewares=[guarded])
     app.on_response_prepare.append(_harden)
+
+    async def index(_: web.Request) -> web.StreamResponse:
+        return web.FileResponse(_STATIC / "index.html")
+
     app.router.add_get("/socket", connect)
-    for each in (files("serd_app.teleop.page") / "static").iterdir():
-        if each.is_file():
-            path = "/" if each.name == "index.html" else f"/{each.name}"
-            app.router.add_get(path, _sender(each.name, each.read_bytes()))
+    app.router.add_get("/", index)
+    app.router.add_static("/", _STATIC)
     return app
-
-
-def _sender(name: str, content: bytes) -> Handler:
-    kind = _TYPES["." + name.rsplit(".", 1)[-1]]
-
-    async def send(_: web.Request) -> web.StreamResponse:
-        charset = None if kind.startswith("image/") else "utf-8"
-        return web.Response(body=content, content_type=kind, charset=charset)
-
-    return send
 
 
 async def _harden(_: web.Request, response: web.StreamResponse) -> None:
