@@ -16,7 +16,6 @@ from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, recorded_times, starts_of
-from serd_app.navigation.navigator import plan_remarks
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder
@@ -74,19 +73,14 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         trace = np.zeros(0)  # of another fit
     return ReportInputs(
         title=f"Learned model: {file.scenario or 'fitted grid'}",
-        scenario=place,
-        problem=problem,
+        strategy=strategy,
         fit=fit_of_file(file, problem, trace),
-        driven=strategy.driven,
         episodes=_episodes(sources.episodes),
-        predicted=predicted_law(strategy, "train"),
-        timeout_s=strategy.timeout_s,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
         forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(sources, strategy),
         n_demonstrations=file.fit.n_episodes,
-        remarks=tuple(plan_remarks(strategy)),
     )
 
 

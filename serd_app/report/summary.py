@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 
 from serd_app.navigation.comparison import (
-    Starts,
     agreement,
     reasons_against_prediction,
     reasons_text,
+    starts_of,
 )
+from serd_app.navigation.navigator import plan_remarks
 from serd_app.report.figures.arrival import measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs, percent
 from serd_bag.quantities import counted, seconds_in_words
-from serd_core.arrays import BoolArray, IntArray
+from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
-from serd_sim.scenario.grid import start_states_of
 
 #: Plain values by name, which `summary_of` describes.
 Summary = dict[str, Any]
@@ -36,15 +36,15 @@ def summary_of(inputs: ReportInputs) -> Summary:
     is not stated, none where it is.
     """
     fit, n_given, recorded = inputs.fit, inputs.n_demonstrations, inputs.recorded
-    run = inputs.run
+    run, strategy = inputs.run, inputs.strategy
     return {
         "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
         "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
         "n_compared_decisions": len(inputs.demonstrations),
         **_of_arrival(inputs),
-        "n_trap_states": len(inputs.driven.traps.states),
-        "n_least_time_states": int(inputs.driven.by_time.sum()),
-        "plan_remarks": inputs.remarks,
+        "n_trap_states": len(strategy.traps.states),
+        "n_least_time_states": int(strategy.by_time.sum()),
+        "plan_remarks": tuple(plan_remarks(strategy)),
         "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
         "no_prediction_because": _reasons_against_prediction(inputs),
         **_of_fit(inputs),
@@ -59,8 +59,8 @@ def summary_of(inputs: ReportInputs) -> Summary:
 
 def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
     """Of the episodes, beside what is predicted."""
-    episodes = inputs.episodes
-    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s) if episodes else None
+    episodes, timeout_s = inputs.episodes, inputs.strategy.timeout_s
+    measured = measured_curve(inputs.arrival_times_s, timeout_s) if episodes else None
     times = [row.time_of_arrival_s for row in episodes if row.arrived]
     return {
         "n_episodes": len(episodes),
@@ -76,7 +76,7 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
         "agreement": asdict(agreement(inputs.predicted, inputs.arrival_times_s))
         if episodes
         else None,
-        "timeout_s": inputs.timeout_s,
+        "timeout_s": timeout_s,
         "robot_on_person_contacts": sum(row.robot_on_person for row in episodes),
         "person_on_robot_contacts": sum(row.person_on_robot for row in episodes),
         "wall_contacts": sum(row.robot_on_wall for row in episodes),
@@ -85,7 +85,7 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
 
 def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
     """Of rewards and outcomes."""
-    fit, models = inputs.fit, inputs.problem.model_names
+    fit, models = inputs.fit, inputs.strategy.problem.model_names
     initial = fit.initial_outcome_probabilities.tolist()
     return {
         "converged": bool(fit.converged),
@@ -99,10 +99,9 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
 
 
 def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
-    cells = start_states_of(inputs.scenario, inputs.problem.grid, "train")
     return reasons_against_prediction(
         n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
-        starts=Starts(len(cells), int(trapped_states(inputs)[cells].sum())),
+        starts=starts_of(inputs.strategy, "train"),
         recorded=inputs.recorded,
         measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
     )
@@ -158,18 +157,12 @@ def span_in_words(times_s: Sequence[float]) -> str:
     return " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
 
 
-def trapped_states(inputs: ReportInputs) -> BoolArray:
-    """(S,) states from which the learned policy does not arrive."""
-    traps = inputs.driven.learned_traps
-    return np.asarray(traps.looping | traps.unlikely)
-
-
 def known_decisions(inputs: ReportInputs) -> IntArray:
     """(M,) decisions per outcome model; see `Summary`."""
     if not inputs.n_demonstrations or inputs.knowledge is None:
-        return decisions_per_model(inputs.problem, inputs.demonstrations)
+        return decisions_per_model(inputs.strategy.problem, inputs.demonstrations)
     known = inputs.knowledge.by_model
-    counts = [round(known[name][0].decisions) for name in inputs.problem.model_names]
+    counts = [round(known[name][0].decisions) for name in inputs.strategy.problem.model_names]
     return np.array(counts, dtype=np.int64)
 
 
