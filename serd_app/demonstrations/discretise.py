@@ -16,14 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from serd_app.demonstrations.decision_table import concatenate_renumbered
-from serd_app.drives.drive import (
-    CUT_OFF,
-    DISCARDED,
-    RETURN,
-    SILENCE,
-    EpisodeSpan,
-    RecordedDrive,
-)
+from serd_app.drives.drive import CUT_OFF, DISCARDED, RETURN, SILENCE, EpisodeSpan, RecordedDrive
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_core.arrays import BoolArray, FloatArray, IntArray

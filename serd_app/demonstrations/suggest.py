@@ -16,10 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from serd_app.demonstrations.candidates import (
-    Candidates,
-    PoseCandidate,
-)
+from serd_app.demonstrations.candidates import Candidates, PoseCandidate
 from serd_app.demonstrations.discretise import (
     MOST_MOVING_WAITS,
     DiscretisationReport,

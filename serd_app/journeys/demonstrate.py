@@ -176,12 +176,7 @@ def _decided(recordings: Sequence[Recording], place: Place) -> list[RecordedDemo
     found = []
     for each in recordings:
         decisions, report = demonstrations_of_drives(
-            each.drives,
-            place.grid,
-            place.patience_s,
-            place.wait_s,
-            seen=seen,
-            agents=each.of_table,
+            each.drives, place.grid, place.patience_s, place.wait_s, seen=seen, agents=each.of_table
         )
         found.append(RecordedDemonstrations(each, decisions, report))
     if not any(len(each.decisions) for each in found):

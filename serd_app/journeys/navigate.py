@@ -10,12 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.errors import AppError
-from serd_app.navigation.comparison import (
-    Comparison,
-    arrival_times_s,
-    compare,
-    predicted_law,
-)
+from serd_app.navigation.comparison import Comparison, arrival_times_s, compare, predicted_law
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import DriveSettings
 from serd_bag.files import read_text, require_folder

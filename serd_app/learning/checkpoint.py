@@ -158,11 +158,7 @@ class LearnerMemory:
     """
 
     def __init__(
-        self,
-        scenario: Scenario,
-        folder: Path,
-        *,
-        feature_names: Sequence[str] | None = None,
+        self, scenario: Scenario, folder: Path, *, feature_names: Sequence[str] | None = None
     ) -> None:
         grid = grid_of(scenario)
         self._feature_names = feature_names or features_of_flow(flow_of(scenario, grid))
@@ -171,11 +167,7 @@ class LearnerMemory:
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
         self.decisions = earlier
         self.drive = LiveDrive(
-            "live topics",
-            grid,
-            scenario.patience_s,
-            scenario.wait_s,
-            earlier=earlier,
+            "live topics", grid, scenario.patience_s, scenario.wait_s, earlier=earlier
         )
 
     @property

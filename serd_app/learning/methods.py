@@ -37,11 +37,7 @@ from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedB
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
 from serd_core.priors.prior import GaussianPrior, Prior
-from serd_core.selection.evaluation import (
-    select_weight,
-    split_episodes,
-    validation_log_likelihood,
-)
+from serd_core.selection.evaluation import select_weight, split_episodes, validation_log_likelihood
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Methods that accept decisions whose action is hidden.

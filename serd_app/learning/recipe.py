@@ -13,12 +13,7 @@ import numpy as np
 from serd_app.demonstrations.flow_field import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import (
-    ProgressCallback,
-    fit_by,
-    fit_data,
-    ignore_progress,
-)
+from serd_app.learning.methods import ProgressCallback, fit_by, fit_data, ignore_progress
 from serd_app.learning.outcome import FitOutcome, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml

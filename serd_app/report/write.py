@@ -18,13 +18,7 @@ from serd_app.report.figures.maps import draw_gain, draw_policy_map, draw_visita
 from serd_app.report.figures.outcomes import OUTCOME_LABELS, draw_outcomes
 from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
 from serd_app.report.style import save_figure, svg_bytes
-from serd_app.report.summary import (
-    Summary,
-    headline_of,
-    known_decisions,
-    span_in_words,
-    summary_of,
-)
+from serd_app.report.summary import Summary, headline_of, known_decisions, span_in_words, summary_of
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.demonstrations.decisions import state_counts

@@ -71,10 +71,7 @@ def shown_from_s(*curves: ArrivalCurve) -> float:
 
 
 def draw_comparison(
-    predicted: ArrivalLaw,
-    arrival_times_s: ArrayLike,
-    timeout_s: float,
-    recorded_s: ArrayLike = (),
+    predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float, recorded_s: ArrayLike = ()
 ) -> Figure:
     """A prediction and the (N,) times of episodes, inf without an arrival, as steps with bands.
 

@@ -116,11 +116,7 @@ def draw_policy_map(
 
 
 def draw_arrows(
-    axes: Axes,
-    grid: Grid,
-    greedy: IntArray,
-    is_goal: BoolArray,
-    trapped: BoolArray,
+    axes: Axes, grid: Grid, greedy: IntArray, is_goal: BoolArray, trapped: BoolArray
 ) -> None:
     """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
     rows, columns = grid.walkable.shape

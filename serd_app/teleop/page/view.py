@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_app.navigation.comparison import (
-    reasons_against_prediction,
-    reasons_text,
-    starts_of,
-)
+from serd_app.navigation.comparison import reasons_against_prediction, reasons_text, starts_of
 from serd_app.navigation.navigator import HALF, quantile_or_nan_s
 from serd_core.grid.grid import DIRECTION_VECTORS, Grid
 from serd_sim.crowd.social_force import model_named

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from serd_app.navigation.comparison import predicted_law
-from serd_app.report.inputs import (
-    FileLink,
-    Forecast,
-    PhaseTiming,
-    ReportInputs,
-    RunFacts,
-)
+from serd_app.report.inputs import FileLink, Forecast, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.write import write_report
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.demonstrations.simulation import sample_timed_decisions
