@@ -129,7 +129,7 @@ class ModelFile(StrictModel):
     draws: ModelDraws = ModelDraws()
 
     @model_validator(mode="after")
-    def _known_models(self) -> "ModelFile":
+    def _models_fit(self) -> "ModelFile":
         for model in self.outcome_models:
             if model.name not in MODEL_NAMES:
                 raise ValueError(
@@ -142,10 +142,6 @@ class ModelFile(StrictModel):
                 f"outcome_models must hold each name once and {MODEL_NAMES[WAITING]!r}, got"
                 f" {', '.join(names)}; learn the model again"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _rows_are_distributions(self) -> "ModelFile":
         for model in self.outcome_models:
             for kind in ("learned", "believed", "initial"):
                 _require_distribution(f"{model.name}.{kind}", getattr(model, kind), self)

@@ -93,6 +93,11 @@ def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | Non
     return load_yaml_model(file, kinds.pop())
 
 
+def read_recordings(paths: Sequence[Path], **options: Any) -> list[Recording]:
+    """Bags or tables in the order given; options: as of `read_recording`."""
+    return [read_recording(path, **options) for path in paths]
+
+
 def read_recording(
     path: Path,
     *,

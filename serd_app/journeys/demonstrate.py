@@ -30,7 +30,7 @@ from serd_app.demonstrations.fitted_grid import (
 from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings, save_flow
 from serd_app.drives.drive import RecordedDrive
 from serd_app.drives.mapping import BagMapping
-from serd_app.drives.recording import Recording, read_mapping, read_recording
+from serd_app.drives.recording import Recording, read_mapping, read_recordings
 from serd_app.errors import AppError
 from serd_app.places.free_area import read_area_m, require_area_file
 from serd_bag.files import delete_file
@@ -126,12 +126,9 @@ def demonstrate(
     area_m = read_area_m(choice.area) if choice.area else None
     known = read_mapping(mapping, paths)
     goal_area_m = scenario.goal_area_m if scenario else ()
-    recordings = [
-        read_recording(
-            path, mapping=known, tolerant=tolerant, hidden=hidden, goal_area_m=goal_area_m
-        )
-        for path in paths
-    ]
+    recordings = read_recordings(
+        paths, mapping=known, tolerant=tolerant, hidden=hidden, goal_area_m=goal_area_m
+    )
     if choice == PlaceChoice() and known is None:
         _require_no_own(recordings)
     place = _place(recordings, scenario, choice.cell_size_m, area_m)

@@ -7,7 +7,7 @@ caller's thread stays free meanwhile.
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import ClassVar, Literal
@@ -65,12 +65,12 @@ class LearnerCheckpoint(StrictModel):
     n_learned: int = Field(default=0, ge=0)
 
 
-@dataclass(frozen=True)
 class CheckpointFolder:
     """Reads and writes the two files; each is replaced whole."""
 
-    path: Path
-    scenario: Scenario
+    def __init__(self, path: Path, scenario: Scenario) -> None:
+        self.path, self.scenario = path, scenario
+        self._decisions, self._checkpoint = path / "decisions.csv", path / "checkpoint.yaml"
 
     def new(self) -> LearnerCheckpoint:
         """The checkpoint of a learner without demonstrations."""
@@ -110,14 +110,6 @@ class CheckpointFolder:
     def save(self, checkpoint: LearnerCheckpoint) -> None:
         """Write where the fit stands."""
         save_yaml_model(self._checkpoint, checkpoint)
-
-    @property
-    def _decisions(self) -> Path:
-        return self.path / "decisions.csv"
-
-    @property
-    def _checkpoint(self) -> Path:
-        return self.path / "checkpoint.yaml"
 
 
 class LiveDrive(DriveSessions):

@@ -37,8 +37,9 @@ def summary_of(inputs: ReportInputs) -> Summary:
     """
     fit, n_given, recorded = inputs.fit, inputs.n_demonstrations, inputs.recorded
     run, strategy = inputs.run, inputs.strategy
+    n_demonstrations = n_given or len(inputs.demonstrations.episodes)
     return {
-        "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
+        "n_demonstrations": n_demonstrations,
         "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
         "n_compared_decisions": len(inputs.demonstrations),
         **_of_arrival(inputs),
@@ -46,7 +47,12 @@ def summary_of(inputs: ReportInputs) -> Summary:
         "n_least_time_states": int(strategy.by_time.sum()),
         "plan_remarks": tuple(plan_remarks(strategy)),
         "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
-        "no_prediction_because": _reasons_against_prediction(inputs),
+        "no_prediction_because": reasons_against_prediction(
+            n_demonstrations=n_demonstrations,
+            starts=starts_of(strategy, "train"),
+            recorded=recorded,
+            measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
+        ),
         **_of_fit(inputs),
         "wall_s": {phase.name: phase.wall_s for phase in run.phases},
         "seeds": dict(run.seeds),
@@ -96,15 +102,6 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
         "outcome_probabilities": dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
         "initial_outcome_probabilities": dict(zip(models, initial, strict=True)),
     }
-
-
-def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
-    return reasons_against_prediction(
-        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
-        starts=starts_of(inputs.strategy, "train"),
-        recorded=inputs.recorded,
-        measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
-    )
 
 
 def headline_of(summary: Summary) -> str:

@@ -102,10 +102,8 @@ def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
 
 
 def first_episodes(number):
-    everything = demonstrations_of_bag(
-        SHIPPED, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s
-    )[0]
-    table = everything
+    times_s = HALLWAY.patience_s, HALLWAY.wait_s
+    table, _ = demonstrations_of_bag(SHIPPED, grid_of(HALLWAY), *times_s)
     return table.select_episodes(table.episodes[:number])
 
 

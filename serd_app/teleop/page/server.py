@@ -176,15 +176,13 @@ async def _send_all(socket: web.WebSocketResponse, page: OpenPage) -> None:
             await socket.send_str(message)
 
 
-class _OneLine(logging.Filter):
-    """Logs requests that cannot be read as HTTP in one line: anybody may send them."""
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        if record.exc_info and isinstance(record.exc_info[1], HttpProcessingError):
-            host = str(record.args[0]) if isinstance(record.args, tuple) and record.args else "?"
-            record.msg = f"refused a request from {host} that cannot be read as HTTP"
-            record.args, record.exc_info = (), None
-        return True
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """Log requests that cannot be read as HTTP in one line: anybody may send them."""
+    if record.exc_info and isinstance(record.exc_info[1], HttpProcessingError):
+        host = str(record.args[0]) if isinstance(record.args, tuple) and record.args else "?"
+        record.msg = f"refused a request from {host} that cannot be read as HTTP"
+        record.args, record.exc_info = (), None
+    return True
 
 
 class PageServer:
@@ -195,8 +193,7 @@ class PageServer:
         self._hub = Hub(json.dumps(scene))
         self._loop = asyncio.new_event_loop()
         self._runner: web.AppRunner | None = None
-        self._one_line = _OneLine()
-        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+        self._thread = threading.Thread(target=self._loop.run_forever, name="page", daemon=True)
         self._thread.start()
         try:
             self._call(self._begin())
@@ -244,17 +241,12 @@ class PageServer:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
-        server_logger.removeFilter(self._one_line)
-
-    def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        self._loop.run_forever()
 
     def _call(self, coroutine: Any) -> None:
         asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(_START_LIMIT_S)
 
     async def _begin(self) -> None:
-        server_logger.addFilter(self._one_line)
+        server_logger.addFilter(_in_one_line)
         app = make_app(self._hub, self.access)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=_SHUTDOWN_S)
         await self._runner.setup()

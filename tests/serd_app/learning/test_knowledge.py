@@ -40,7 +40,7 @@ def outcome(decisions):
 
 def certainty_with(decisions, **settings):
     fit = learn(TASK, decisions, LearningSettings(**settings))
-    return certainty_of(fit.problem, decisions, fit.fit)
+    return certainty_of(fit.problem, fit.decisions, fit.fit)
 
 
 def test_every_outcome_has_its_interval_and_counts_what_was_reached(outcome, decisions):

@@ -42,12 +42,6 @@ def trapped(inputs):
             "1 of them, after 41 s",
         ),
         (
-            {"n_demonstrations": 2, "recorded": None},
-            "a prediction takes at least 3 demonstrations, and the model was learned from 2",
-            "After 2 demonstrations with 59 decisions the arrival",
-            None,
-        ),
-        (
             {"recorded": recorded(90.0, 100.0, 110.0, n_outside=3)},
             "3 of 3 recorded drives arrived outside the 90 % band that the model computes",
             "After 6 demonstrations with 59 decisions, of which 3 arrived after 90 s to 110 s, the",

@@ -1,8 +1,6 @@
 """The overlay of a learned model, against shortest paths and the model's own numbers."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from serd_app.teleop.page.view import overlay_of
 from serd_core.grid.grid import Action
@@ -25,14 +23,12 @@ def with_moves(probabilities, **law):
 
 
 def n_cells_to_the_goal(problem):
-    """(S,) length of the shortest path, by Dijkstra's algorithm on the reversed moves."""
-    successors = problem.grid.neighbours
-    states = np.repeat(np.arange(len(successors)), successors.shape[1])
-    # SciPy 1.11's csgraph takes indices of 32 bits only.
-    arrows = np.stack([successors.ravel(), states]).astype(np.int32)
-    shape = (len(successors), len(successors))
-    graph = coo_array((np.ones(successors.size), tuple(arrows)), shape=shape).tocsr()
-    return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
+    """(S,) length of the shortest path, by ever longer ways from the goal."""
+    lengths = np.full(problem.grid.n_states, np.inf)
+    lengths[problem.goal_states] = 0.0
+    while np.isinf(lengths).any():
+        lengths = np.minimum(lengths, 1.0 + lengths[problem.grid.neighbours].min(axis=1))
+    return lengths
 
 
 def test_where_every_move_succeeds_at_once_the_median_is_a_second_for_each_cell(save_model_of):
