@@ -202,7 +202,7 @@ def _save_pictures(
     flow: FlowField | None,
 ) -> None:
     """Draw the tracks, and the flow of people where there is one, beside the table."""
-    from serd_app.report.figures.maps import draw_flow_map, draw_visitation
+    from serd_app.report.maps import draw_flow_map, draw_visitation
     from serd_app.report.style import save_figure
 
     grid, scenario = place.grid, place.scenario

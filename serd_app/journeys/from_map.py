@@ -60,7 +60,7 @@ def scenario_from_map(
         _require_unedited(file, text)
     atomic_write_text(file, text)
     picture = file.with_suffix(".png")
-    from serd_app.report.figures.maps import save_plan
+    from serd_app.report.maps import save_plan
 
     save_plan(picture, scenario)
     return MappedScenario(scenario, area, raster, file, picture)

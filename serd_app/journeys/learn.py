@@ -60,7 +60,7 @@ def learn_from_table(
     grid, missing = files.task.problem.grid, ""
     save_outcome(output, outcome, grid)
     if outcome.knowledge is not None and not (missing := missing_pictures()):
-        from serd_app.report.figures.maps import draw_gain
+        from serd_app.report.maps import draw_gain
         from serd_app.report.style import save_figure
 
         figure = draw_gain(None, grid, outcome.knowledge.gain_nats)

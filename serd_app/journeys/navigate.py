@@ -63,7 +63,7 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
     rows = drive_all(settings, output, navigator)
     missing = "" if output is None else missing_pictures()
     if output is not None and not missing:
-        from serd_app.report.figures.arrival import draw_comparison
+        from serd_app.report.charts import draw_comparison
         from serd_app.report.style import save_figure
 
         law, times_s = predicted_law(strategy, settings.start_area), arrival_times_s(rows)

@@ -13,7 +13,7 @@ from serd_app.navigation.comparison import (
     starts_of,
 )
 from serd_app.navigation.navigator import plan_remarks
-from serd_app.report.figures.arrival import measured_curve, time_reaching
+from serd_app.report.charts import measured_curve, time_reaching
 from serd_app.report.inputs import ReportInputs, percent
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import IntArray

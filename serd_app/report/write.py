@@ -13,10 +13,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from serd_app.navigation.comparison import Agreement, reasons_text
-from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
-from serd_app.report.figures.maps import draw_gain, draw_policy_map, draw_visitation
-from serd_app.report.figures.outcomes import OUTCOME_LABELS, draw_outcomes
+from serd_app.report.charts import (
+    OUTCOME_LABELS,
+    draw_comparison,
+    draw_forecasts,
+    draw_outcomes,
+)
 from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
+from serd_app.report.maps import draw_gain, draw_policy_map, draw_visitation
 from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import Summary, headline_of, known_decisions, span_in_words, summary_of
 from serd_bag.files import atomic_write_bytes, atomic_write_text

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from serd_app.navigation.comparison import RecordedTimes
-from serd_app.report.figures.arrival import draw_forecasts
+from serd_app.report.charts import draw_forecasts
 from serd_app.report.inputs import Forecast
 from serd_app.report.summary import headline_of, summary_of
 from serd_app.report.write import summary_rows
