@@ -1,6 +1,8 @@
 """Decisions (s, a, s', dwell time) as a CSV table, several as one, and the files beside a table.
 
-The table is `NAME.csv`; what learning reads as well lies beside it: grid, record and scenario.
+The table is `NAME.csv`; what learning reads as well lies beside it: grid, record and scenario, and
+the flow of people, whose table has a row per state of the grid, in order: the centre of the cell,
+the flow (north, east, south, west or none) and the measurements that it was derived from.
 """
 
 from collections.abc import Sequence
@@ -20,10 +22,12 @@ from serd_app.places.kept_scenario import (
 )
 from serd_bag.errors import FileError
 from serd_bag.files import delete_file
-from serd_core.arrays import IntArray
+from serd_bag.nearest import hint
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import TIMED_COLUMNS, TimedDecisions
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Grid
+from serd_core.grid.grid import Action, Grid
+from serd_core.grid.navigation import NO_FLOW
 from serd_files.grid_file import load_grid, save_grid
 from serd_files.table import Column, read_table, write_table
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
@@ -40,6 +44,18 @@ COLUMNS = (
     Column("censored", int),
     Column("source", str),
 )
+_FLOW_COLUMNS = (
+    Column("state", int),
+    Column("x_m", float),
+    Column("y_m", float),
+    Column("flow", str),
+    Column("order", float),
+    Column("count", int),
+    Column("vx_mps", float),
+    Column("vy_mps", float),
+)
+_FLOWS = {"none": NO_FLOW} | {action.name.lower(): int(action) for action in list(Action)[1:]}
+_NAMES = {flow: name for name, flow in _FLOWS.items()}
 _LABEL = ", episodes"
 
 
@@ -193,6 +209,50 @@ def _require_of_scenario(files: dict[str, Path], place: Place, scenario: Scenari
                 f"{files['record']}: {name} must be {wanted:g} as in the scenario, got"
                 f" {recorded:g}; run 'serd demos' again"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class FlowField:
+    """flow (S,) an `Action` or -1; mean_velocity_mps (S, 2); order (S,) 0 to 1; count (S,)."""
+
+    flow: IntArray
+    mean_velocity_mps: FloatArray
+    order: FloatArray
+    count: IntArray
+
+
+def save_flow(path: str | Path, grid: Grid, field: FlowField) -> None:
+    """Write one line per state."""
+    names = [_NAMES[each] for each in field.flow.tolist()]
+    numbers = field.order.round(4).tolist(), field.count.tolist()
+    centers, velocities = grid.centers_m.T, field.mean_velocity_mps.round(4).T
+    columns = *centers.tolist(), names, *numbers, *velocities.tolist()
+    write_table(path, _FLOW_COLUMNS, zip(range(grid.n_states), *columns, strict=True))
+
+
+def load_flow(path: str | Path, grid: Grid) -> IntArray:
+    """(S,) the direction in each state, -1 for none; FileError where it is of another grid."""
+    table = read_table(path, _FLOW_COLUMNS)
+    if len(table) != grid.n_states:
+        raise FileError(
+            f"{path}: must have one line for each of the grid's {grid.n_states} states, got"
+            f" {len(table)}; it was made for another grid"
+        )
+    for line, name in enumerate((row["flow"] for row in table), start=2):
+        if name not in _FLOWS:
+            raise FileError(
+                f"{path}: line {line}, flow must be a direction or none, got {name!r}"
+                f"; {hint(name, _FLOWS)}"
+            )
+    centers_m = np.array([(row["x_m"], row["y_m"]) for row in table])
+    apart = np.abs(centers_m - grid.centers_m).max(axis=1) > 1e-6 * grid.cell_size_m
+    if apart.any():
+        state = int(np.argmax(apart))
+        raise FileError(
+            f"{path}: line {state + 2} must be the cell at {tuple(grid.centers_m[state].tolist())},"
+            f" got {tuple(centers_m[state].tolist())}; it was made for another grid"
+        )
+    return np.array([_FLOWS[row["flow"]] for row in table], dtype=np.int64)
 
 
 def files_beside(table: Path) -> dict[str, Path]:

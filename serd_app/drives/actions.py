@@ -71,9 +71,9 @@ class MappedActions:
         self._source, self._rows = source, array("d")
 
     @property
-    def n_taken(self) -> int:
-        """Messages so far."""
-        return len(self._rows) // 4
+    def has_messages(self) -> bool:
+        """Whether a message was taken."""
+        return bool(self._rows)
 
     def take(self, message: RawMessage) -> None:
         """One of them; BagError where it is damaged."""

@@ -10,9 +10,11 @@ import numpy as np
 import shapely
 
 from serd_app.demonstrations.decision_table import (
+    FlowField,
     Place,
     concatenate_renumbered,
     files_beside,
+    save_flow,
     save_learnable,
 )
 from serd_app.demonstrations.discretise import (
@@ -27,7 +29,7 @@ from serd_app.demonstrations.fitted_grid import (
     fitting_patience_s,
     grid_of_area,
 )
-from serd_app.demonstrations.flow_field import FlowField, flow_from_recordings, save_flow
+from serd_app.demonstrations.flow_field import flow_from_recordings
 from serd_app.drives.drive import RecordedDrive
 from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recording import Recording, read_mapping, read_recordings

@@ -8,8 +8,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.ndimage import binary_dilation, label
 
-from serd_app.demonstrations.decision_table import Place, files_beside, load_learnable
-from serd_app.demonstrations.flow_field import load_flow
+from serd_app.demonstrations.decision_table import Place, files_beside, load_flow, load_learnable
 from serd_app.errors import AppError
 from serd_app.learning.recipe import LearningTask
 from serd_app.learning.settings import FlowSource

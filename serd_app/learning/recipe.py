@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_app.demonstrations.flow_field import load_flow
+from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.learning.methods import ProgressCallback, fit_by, fit_data, ignore_progress

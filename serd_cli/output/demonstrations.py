@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from serd_app.demonstrations.decision_table import FlowField
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
-from serd_app.demonstrations.flow_field import FlowField
 from serd_app.drives.mapping import GAP, GOAL, STOP, TURN
 from serd_app.drives.recording import Recording
 from serd_app.journeys.demonstrate import Demonstrated, RecordedDemonstrations

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serd_app.demonstrations.decision_table import FlowField, save_flow
 from serd_app.demonstrations.discretise import demonstrations_of_bag
-from serd_app.demonstrations.flow_field import FlowField, save_flow
 from serd_app.learning.checkpoint import LearnerMemory
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import fit_of_file, learned_traps

@@ -7,8 +7,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import DemonstrationRecord, save_decisions
-from serd_app.demonstrations.flow_field import FlowField, save_flow
+from serd_app.demonstrations.decision_table import (
+    DemonstrationRecord,
+    FlowField,
+    save_decisions,
+    save_flow,
+)
 from serd_app.learning.settings import MethodName
 from serd_core.bayes.laplace import N_DRAWS
 from serd_core.demonstrations.simulation import sample_timed_decisions

@@ -6,13 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_app.demonstrations.flow_field import (
-    FlowField,
-    flow_from_recordings,
-    flow_of_people,
-    load_flow,
-    save_flow,
-)
+from serd_app.demonstrations.decision_table import FlowField, load_flow, save_flow
+from serd_app.demonstrations.flow_field import flow_from_recordings, flow_of_people
 from serd_app.drives.recording import Recording
 from serd_bag.errors import BagError, FileError
 from serd_bag.messages.plain import decode, points_of
