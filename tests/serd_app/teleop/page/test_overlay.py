@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from serd_app.teleop.page.view import overlay_of
+from serd_app.teleop.page.view import overlay_of, point
 from serd_core.grid.grid import Action
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
 from tests.conftest import MEAN_S, model_row
 
 HALLWAY = load_scenario("hallway")
@@ -55,3 +56,8 @@ def test_directions_are_those_of_the_greedy_moves(save_model_of):
     np.testing.assert_allclose(step_m, grid.cell_size_m * directions[moved])
     assert moved.sum() > 50
     assert not directions[greedy == Action.WAIT].any()
+
+
+def test_a_waypoint_is_a_point_in_millimetres():
+    assert point(Waypoint(1.23456, -2.0)) == [1.235, -2.0]
+    assert point(None) is None
