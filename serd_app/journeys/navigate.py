@@ -20,7 +20,7 @@ from serd_files.table import EpisodeResult, load_episodes, write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.episode import result_of_record, run_episode
 from serd_sim.planning.local_planner import make_planner
-from serd_sim.scenario.grid import grid_of, start_states_of, with_goal
+from serd_sim.scenario.grid import start_states_of
 from serd_sim.scenario.scenario import scenario_digest
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
@@ -51,12 +51,10 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
     drive_all: as `drive`, in this process or by nodes. SerdError or FileError for an option that
     does not fit the model or the place, before anything drives, and for a folder of another drive.
     """
-    own = settings.place()
-    scenario = with_goal(own, settings.goal)
-    start_states_of(scenario, grid_of(scenario), settings.start_area)
-    make_planner(scenario)
-    navigator = Navigator(own, settings)
+    navigator = Navigator(settings.place(), settings)
     strategy = navigator.strategy
+    start_states_of(strategy.scenario, strategy.problem.grid, settings.start_area)
+    make_planner(strategy.scenario)
     if output is not None:
         require_folder(output)
         claim_folder(output, settings)

@@ -179,7 +179,12 @@ def mdce_serd_evidence(data: FitData) -> MethodResult:
 
 def mdce_serd_coupled(data: FitData) -> MethodResult:
     """MDCE SERD, belief coupled to the truth."""
-    return _with_best_weight(data, _fit_coupled, "KLD between belief and truth")
+
+    def fit(data: FitData, decisions: Decisions, weight: float, on_step: OnStep) -> FitResult:
+        prior = _uniform_on_both(data)
+        return _fit_serd(data, decisions, CoupledBelief(weight), prior, on_step)
+
+    return _with_best_weight(data, fit, "KLD between belief and truth")
 
 
 def mdce_serd_free(data: FitData) -> MethodResult:
@@ -336,13 +341,6 @@ def _with_best_weight(
     found = fit(data, data.decisions, weight, data.reporter(number, number, weight))
     words = f"{prior}, weight {weight:g} ({how}); {_serd_prior(data)}"
     return MethodResult(found, words, weight, validation)
-
-
-def _fit_coupled(
-    data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep
-) -> FitResult:
-    prior = _uniform_on_both(data)
-    return _fit_serd(data, decisions, CoupledBelief(prior_weight), prior, on_step)
 
 
 def _fit_serd(

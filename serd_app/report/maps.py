@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -131,7 +130,8 @@ def draw_arrows(
     if moving.any():
         heads = {"headwidth": 4.5, "headlength": 4.5, "headaxislength": 4.0}
         look = {"color": colours[moving].tolist(), "zorder": 5, "gid": "greedy moves"}
-        draw_vectors(axes, tail, shift, width=width_in, **heads, **look)
+        scale: Look = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
+        axes.quiver(*tail.T, *shift.T, width=width_in, **scale, **heads, **look)
     x, y = grid.centers_m[waiting].T
     axes.scatter(x, y, s=1000 * width_in, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")
 
@@ -310,13 +310,6 @@ def colour_bar_below(
     bar = figure.colorbar(cells, ax=axes, extend=extend, **look)
     bar.set_label(label)
     bar.outline.set_visible(False)
-
-
-def draw_vectors(axes: Axes, from_m: FloatArray, shift_m: FloatArray, **look: Any) -> None:
-    """Arrows from (N, 2) places over (N, 2) shifts in metres; look: as `Axes.quiver` has it."""
-    axes.quiver(
-        *from_m.T, *shift_m.T, angles="xy", scale_units="xy", scale=1.0, units="inches", **look
-    )
 
 
 def outline_traps(axes: Axes, grid: Grid, trapped: BoolArray) -> None:
