@@ -12,6 +12,7 @@ from hashlib import blake2b
 import numpy as np
 
 from serd_app.demonstrations.decision_table import FlowField
+from serd_app.drives.drive import places_at
 from serd_app.drives.recording import Recording
 from serd_app.drives.transforms import RecordedTransforms, plain_name
 from serd_bag.messages.people import SeenPeople, SightedIds, people_in, require_people
@@ -138,7 +139,6 @@ def _velocity_mps(track: Track) -> FloatArray:
     early_s = np.maximum(track.time_s - _VELOCITY_S / 2, track.time_s[0])
     late_s = np.minimum(track.time_s + _VELOCITY_S / 2, track.time_s[-1])
     early_m, late_m = (
-        np.stack([np.interp(at_s, track.time_s, axis) for axis in track.position_m.T], 1)
-        for at_s in (early_s, late_s)
+        places_at(at_s, track.time_s, track.position_m) for at_s in (early_s, late_s)
     )
     return np.asarray((late_m - early_m) / (late_s - early_s)[:, None])
