@@ -14,12 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from serd_app.errors import AppError
-from serd_app.places.kept_scenario import (
-    keep_scenario,
-    kept_scenario_file,
-    own_scenario_yaml,
-    scenario_beside,
-)
+from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file, own_scenario_yaml
 from serd_bag.errors import FileError
 from serd_bag.files import delete_file
 from serd_bag.nearest import hint
@@ -176,7 +171,8 @@ def load_learnable(table: Path, scenario: str = "") -> tuple[TimedDecisions, Pla
             )
     grid = load_grid(files["grid"])
     record = load_yaml_model(files["record"], DemonstrationRecord)
-    name = scenario or scenario_beside(table, record.scenario)
+    kept = str(files["scenario"]) if files["scenario"].is_file() else record.scenario
+    name = scenario or kept
     place = Place(grid, record.patience_s, record.wait_s, load_scenario(name) if name else None)
     if record.grid_fingerprint != grid.fingerprint():
         raise FileError(

@@ -60,15 +60,6 @@ class Recording:
     people: tuple[Track, ...] = ()
     assumed: tuple[str, ...] = ()
 
-    def values(self) -> dict[str, Any]:
-        """What of the bag could not be read, as plain values."""
-        return {
-            "damage": list(self.damage),
-            "n_lost": self.losses.n_messages,
-            "all_lost_known": self.losses.all_known,
-            "assumed": list(self.assumed),
-        }
-
 
 def is_table(path: Path) -> bool:
     """Whether a path is a file other than a bag's; FileError for a folder of tables."""

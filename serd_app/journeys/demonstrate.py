@@ -86,11 +86,15 @@ class RecordedDemonstrations:
 
     def values(self) -> dict[str, Any]:
         """The counts and the damage, as plain values."""
+        recording = self.recording
         return {
             "bag": str(self.bag),
             **self.report.model_dump(),
             "fault_share": self.report.fault_share,
-            **self.recording.values(),
+            "damage": list(recording.damage),
+            "n_lost": recording.losses.n_messages,
+            "all_lost_known": recording.losses.all_known,
+            "assumed": list(recording.assumed),
         }
 
 

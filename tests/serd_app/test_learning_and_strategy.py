@@ -92,10 +92,8 @@ def test_a_model_file_gives_the_fit_back_and_a_policy_that_leads_to_the_goal(out
 
 def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
     grid, own = grid_of(HALLWAY), task_in(HALLWAY, CONFIG.discount)
-    turned = np.roll(own.problem.flow, 1)
-    zeros = np.zeros((grid.n_states, 2))
-    count = np.zeros(grid.n_states, dtype=int)
-    save_flow(tmp_path / "flow.csv", grid, FlowField(turned, zeros, zeros[:, 0], count))
+    turned, zeros = np.roll(own.problem.flow, 1), np.zeros((grid.n_states, 2), dtype=int)
+    save_flow(tmp_path / "flow.csv", grid, FlowField(turned, zeros, *zeros.T))
     found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
     assert (found.own_flow, own.own_flow) == (True, False)
     assert found.problem.flow.tolist() == turned.tolist()

@@ -23,11 +23,9 @@ def rows(step_s=0.4):
         yield time_s, 2, 3.0, 1.0 * time_s
 
 
-def eth(separator="\t"):
-    return "\n".join(
-        separator.join(map(str, (round(time_s * 25) + 780, agent, x, y)))
-        for time_s, agent, x, y in rows()
-    )
+def eth():
+    lines = ((round(time_s * 25) + 780, agent, x, y) for time_s, agent, x, y in rows())
+    return "\n".join("\t".join(map(str, line)) for line in lines)
 
 
 def petrack(header):
@@ -36,14 +34,9 @@ def petrack(header):
     return header + "\n".join(lines)
 
 
-def named(header, separator, scale=1.0, time_scale=1.0, decimal="."):
-    lines = (
-        separator.join(
-            str(each).replace(".", decimal) for each in (a, t * time_scale, x * scale, y * scale)
-        )
-        for t, a, x, y in rows()
-    )
-    return header + "\n" + "\n".join(lines)
+def named(header, separator, scale=1.0, time_scale=1.0):
+    lines = ((a, t * time_scale, x * scale, y * scale) for t, a, x, y in rows())
+    return "\n".join([header, *(separator.join(map(str, line)) for line in lines)])
 
 
 def stamped(header, *of_time):
@@ -54,12 +47,10 @@ def stamped(header, *of_time):
 
 LAYOUTS = {
     "ETH/UCY as SGAN has it": eth(),
-    "ETH/UCY with spaces": eth(" "),
     "PeTrack": petrack("# framerate: 25 fps\n# id frame x/cm y/cm z/cm\n"),
     "PeTrack without names": petrack("# framerate: 25.00\n"),
     "names with units": named("track_id,time_s,x_m,y_m", ","),
     "other units": named("person;t [ms];x [cm];y [cm]", ";", 100.0, 1000.0),
-    "decimal commas": named("ID;Time;X;Y", ";", decimal=","),
     "Unix time in ns": stamped("timestamp,agent,px,py", lambda t: round(t * 1e9) + 17 * 10**17),
     "rostopic echo -p": stamped(
         "%time,id,field.pose.pose.position.x,field.pose.pose.position.y", lambda t: round(t * 1e9)

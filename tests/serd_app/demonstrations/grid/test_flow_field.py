@@ -95,9 +95,8 @@ TABLE_GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, 
 
 
 def save(path, grid, flow):
-    zeros = np.zeros(grid.n_states, dtype=int)
-    velocity = np.zeros((grid.n_states, 2))
-    save_flow(path, grid, FlowField(flow, velocity, zeros, zeros))
+    zeros = np.zeros((grid.n_states, 2), dtype=int)
+    save_flow(path, grid, FlowField(flow, zeros, *zeros.T))
 
 
 @settings(max_examples=30)
