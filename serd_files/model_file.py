@@ -129,7 +129,7 @@ class ModelFile(StrictModel):
     draws: ModelDraws = ModelDraws()
 
     @model_validator(mode="after")
-    def _known_models(self) -> "ModelFile":
+    def _models_fit(self) -> "ModelFile":
         for model in self.outcome_models:
             if model.name not in MODEL_NAMES:
                 raise ValueError(
@@ -142,10 +142,6 @@ class ModelFile(StrictModel):
                 f"outcome_models must hold each name once and {MODEL_NAMES[WAITING]!r}, got"
                 f" {', '.join(names)}; learn the model again"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _rows_are_distributions(self) -> "ModelFile":
         for model in self.outcome_models:
             for kind in ("learned", "believed", "initial"):
                 _require_distribution(f"{model.name}.{kind}", getattr(model, kind), self)
@@ -315,12 +311,9 @@ def _law(models: SemiMarkovModels, m: int, dynamics: LearnedDynamics) -> dict[st
     }
 
 
-def load_model(path: str | Path, *, expected_grid: Grid | None = None) -> ModelFile:
-    """Read a model; FileError names the differences where it was made for another grid."""
-    model = load_yaml_model(path, ModelFile)
-    if expected_grid is not None:
-        require_grid(path, model, expected_grid)
-    return model
+def load_model(path: str | Path) -> ModelFile:
+    """Read a model; FileError where it is none."""
+    return load_yaml_model(path, ModelFile)
 
 
 def require_grid(path: str | Path, model: ModelFile, grid: Grid) -> None:

@@ -59,6 +59,7 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "planner"): "there is one local planner; leave it out",
     ("parameter", "gui"): "'serd watch' shows the world on a web page; leave it out",
     **{("parameter", name): "the guard has its default; leave it out" for name in _GUARD},
+    ("key", "planner"): "there is one local planner; delete the key",
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
     ),

@@ -241,8 +241,9 @@ def _csv_lines(
     path: str | Path, columns: Sequence[Column], *, growing: bool
 ) -> Iterator[tuple[int, list[str]]]:
     text = read_text(path)
-    if growing:
-        text = _whole_lines(text, csv_text(_names(columns), ()))
+    if growing:  # without a partial last line, or with the header where only a part of it is there
+        header = csv_text(_names(columns), ())
+        text = header if header.startswith(text) else text[: text.rfind("\n") + 1] or text
     reader = csv.reader(io.StringIO(text), strict=True)
     try:
         for cells in reader:
@@ -252,13 +253,6 @@ def _csv_lines(
         raise FileError(
             f"{path}: line {reader.line_num} must be CSV, but {error}; correct the line"
         ) from None
-
-
-def _whole_lines(text: str, header: str) -> str:
-    """The text without a partial last line; the header itself where only a part of it is there."""
-    if header.startswith(text):
-        return header
-    return text[: text.rfind("\n") + 1] or text
 
 
 def _writable(

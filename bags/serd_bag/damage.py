@@ -2,18 +2,23 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 from serd_bag.formats.limits import MOST_FAULTS_OF_A_FILE
 from serd_bag.formats.rosbag2.layout import BagLayout, storage_name
+from serd_bag.topic import RawMessage, Topic
+
+#: Bytes and numbers in the sentence of a fault.
+_NUMBERS = re.compile(r"[0-9a-f]{2} [0-9a-f ]+|\d+")
 
 
 @dataclass(frozen=True)
 class Damage:
-    """offset: byte of the first such fault, None where it concerns the whole file; count: of them.
+    """One kind of fault of a file.
+
+    offset: byte of the first such fault, None where it concerns the whole file; count: of them.
 
     In a summary of several kinds of faults, `what` states so. fix: what may repair it where
     `recover` finds nothing.
@@ -43,7 +48,7 @@ class DamageLog:
 
     def note(self, offset: int | None, what: str, fix: str = "") -> None:
         """Add a fault; faults that differ in numbers only are of one kind."""
-        kind = _kind(what)
+        kind = _NUMBERS.sub("", what)
         if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
             kind, what, fix = "", "it has further faults of other kinds", ""
         self._found.setdefault(kind, Damage(self._path, offset, what, fix=fix))
@@ -58,54 +63,68 @@ class DamageLog:
         return [replace(each, count=self._counts[kind]) for kind, each in self._found.items()]
 
 
-@lru_cache(maxsize=256)
-def _kind(what: str) -> str:
-    """The text without bytes and numbers."""
-    return re.sub(r"[0-9a-f]{2} [0-9a-f ]+|\d+", "", what)
+class FileScan:
+    """One pass through one file of a bag; what it found is complete after its messages were read.
 
+    counts: readable messages by topic; expected: number of messages by the end of the file, None
+    where it has no count; n_left_out: messages that were found, but are not among those given;
+    has_checksums: whether all messages have them; copied: (offset, length) of each sound attachment
+    and metadata record.
+    """
 
-def at_most(lines: Sequence[str], most: int) -> list[str]:
-    """The first lines; the last one states how many are left out."""
-    if len(lines) <= most:
-        return list(lines)
-    return [*lines[: most - 1], f"{len(lines) - most + 1} more are not listed"]
+    has_checksums = False
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.counts: Counter[str] = Counter()
+        self.expected: int | None = None
+        self.n_left_out = 0
+        self.copied: list[tuple[int, int]] = []
+        self._log = DamageLog(path)
+
+    @property
+    def damage(self) -> list[Damage]:
+        """Each kind of fault that was found."""
+        return self._log.damage
+
+    def topics(self) -> list[Topic]:
+        """All topics of the file that can be found."""
+        raise NotImplementedError
+
+    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+        """Messages of the given topics, None for all."""
+        raise NotImplementedError
+
+    def _note(self, what: str) -> None:
+        """Add a fault that concerns the whole file."""
+        self._log.note(None, what)
 
 
 @dataclass(frozen=True)
 class Losses:
-    """n_messages: known to be lost; all_known: whether no more than those can be lost."""
+    """Messages of a bag that are missing.
+
+    n_messages: known to be lost; all_known: whether no more than those can be lost.
+    """
 
     n_messages: int = 0
     all_known: bool = True
 
 
-@dataclass(frozen=True)
-class FileCount:
-    """found: messages read; expected: by the end of the file, None where it has no count.
-
-    left_out: further messages that stand in the file, but cannot be read.
-    """
-
-    path: Path
-    found: int
-    expected: int | None
-    left_out: int = 0
-
-
-def losses(layout: BagLayout, files: Sequence[FileCount]) -> Losses:
+def losses(layout: BagLayout, files: Sequence[tuple[Path, FileScan]]) -> Losses:
     """Messages missing from the files that were read and from those that metadata.yaml lists."""
     listed = layout.messages_by_file
-    missing = set(listed) - {storage_name(file.path) for file in files}
+    missing = set(listed) - {storage_name(path) for path, _ in files}
     lost = sum(listed[name] for name in missing)
     unknown = layout.metadata is None and layout.path.is_dir()
-    for file in files:
-        expected = listed.get(storage_name(file.path)) if file.expected is None else file.expected
+    for path, file in files:
+        expected = listed.get(storage_name(path)) if file.expected is None else file.expected
         unknown |= expected is None
-        lost += max(file.left_out, (expected or 0) - file.found)
+        lost += max(file.n_left_out, (expected or 0) - file.counts.total())
     total = layout.n_messages
     if unknown and total is not None and not missing:
-        n_left_out = sum(file.left_out for file in files)
-        return Losses(max(n_left_out, total - sum(file.found for file in files)))
+        n_left_out = sum(file.n_left_out for _, file in files)
+        return Losses(max(n_left_out, total - sum(file.counts.total() for _, file in files)))
     return Losses(lost, not unknown)
 
 

@@ -17,7 +17,8 @@ from serd_bag.topic import RawMessage
 class Excerpt:
     """The part of a bag that is played.
 
-    start_s, duration_s: bag time after the first message, by log times; topics: full names.
+    topics: full names; start_s, duration_s: bag time after the first message, by log times.
+    Raises BagError where the start is below 0 or the duration is not above it.
     """
 
     topics: frozenset[str]
@@ -42,13 +43,23 @@ class Excerpt:
 
 
 class Playback:
-    """One replay. wall_s: any clock that never goes back; the replay starts at the first `due`."""
+    """One replay: which messages are due at a time of a wall clock.
+
+        playback = Playback(Excerpt(topics).messages(reader), rate=2.0)
+        while not playback.finished:
+            publish(playback.due(time.monotonic()))
+
+    The replay starts at the first `due`. rate: seconds of bag time in a second of wall time;
+    BagError where it is not above 0. It ends at the first BagError of the messages, whose text is
+    `damage` then; the messages before are played.
+    """
 
     def __init__(self, messages: Iterable[RawMessage], *, rate: float = 1.0) -> None:
-        self._rest: Iterator[RawMessage] = iter(messages)
-        self._next = next(self._rest, None)
         if not (math.isfinite(rate) and rate > 0):
             raise BagError(f"rate must be finite and above 0, got {rate}")
+        self.damage = ""
+        self._rest: Iterator[RawMessage] = iter(messages)
+        self._next = self._following()
         self._rate = rate
         self._bag_ns = self._next.log_time_ns if self._next else 0
         self._wall_s: float | None = None
@@ -59,7 +70,7 @@ class Playback:
         return self._next is None
 
     def bag_time_ns(self, wall_s: float) -> int:
-        """Bag time at a wall time, for /clock; it never goes back."""
+        """Bag time (ns) at a wall time (s) of any clock, for /clock; it never goes back."""
         if self._wall_s is not None:
             passed_ns = round((wall_s - self._wall_s) * self._rate * 1e9)
             self._bag_ns += max(0, passed_ns)
@@ -74,24 +85,12 @@ class Playback:
             if at_most is not None and len(found) >= at_most:
                 break
             found.append(self._next)
-            self._next = next(self._rest, None)
+            self._next = self._following()
         return found
 
-
-class UntilDamage(Iterator[RawMessage]):
-    """The readable messages of a bag: ends at the first BagError, whose text is `damage` then.
-
-    An error in the middle of a replay would lose the messages that were read just before it.
-    """
-
-    def __init__(self, messages: Iterable[RawMessage]) -> None:
-        self._messages = iter(messages)
-        self.damage = ""
-
-    def __next__(self) -> RawMessage:
-        """The next message."""
+    def _following(self) -> RawMessage | None:
         try:
-            return next(self._messages)
+            return next(self._rest, None)
         except BagError as error:
             self.damage = str(error)
-            raise StopIteration from None
+            return None

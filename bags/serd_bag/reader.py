@@ -9,13 +9,13 @@ import shutil
 import tempfile
 import weakref
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import zstandard
 
-from serd_bag.damage import Damage, FileCount, Losses, losses, missing_messages
+from serd_bag.damage import Damage, FileScan, Losses, losses, missing_messages
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_CONTENT, MOST_FAULTS, most_unpacked
 from serd_bag.formats.mcap.scan import McapScan
@@ -31,13 +31,19 @@ _COMPRESSED = zstandard.FRAME_HEADER
 
 
 class BagReader:
-    """Reads a bag folder, or a single file of one.
+    """Reads the messages of a bag folder, or of a single .mcap, .db3 or .bag file.
+
+        reader = BagReader("drive")
+        for topic, type_name, data, log_time_ns, publish_time_ns in reader.messages(["/odom"]):
+            ...  # data: CDR bytes, see `serd_bag.messages.plain.decode`
 
     tolerant: continue past damage and collect it in `damage`; otherwise damage raises a
-    DamagedBagError when it is found, which for missing messages is at the end.
-    thorough: compare the index of messages with the messages too.
-    losses: what is missing, once all messages were read; has_checksums: then whether all have them.
-    copied: then (file, (offset, length) of each of its sound attachments and metadata records).
+    DamagedBagError when it is found, which for missing messages is at the end. thorough: compare
+    the index of messages with the messages too. BagError where there is no bag.
+
+    topics: by their full names. Once all messages were read, losses: what is missing;
+    has_checksums: whether all have them; copied: (file, (offset, length) of each of its sound
+    attachments and metadata records).
     """
 
     def __init__(self, path: str | Path, *, tolerant: bool = False, thorough: bool = False) -> None:
@@ -49,42 +55,54 @@ class BagReader:
         self.copied: list[tuple[Path, list[tuple[int, int]]]] = []
         self.layout: BagLayout = bag_layout(path)
         self._thorough = thorough
-        self._files = _DecompressedFiles(self.layout.files)
-        weakref.finalize(self, self._files.close)
         if self.layout.fault:
             self._report([Damage(self.path, None, self.layout.fault)])
-        self._report(self._files.damage)
+        self._folder: Path | None = None
+        #: what is read in place of each file
+        self._paths = [self._readable(*each) for each in enumerate(self.layout.files)]
         self.topics: dict[str, Topic] = {topic.name: topic for topic in self._topics()}
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of the given topics, None for all."""
+        """Messages of the given topics (full names), None for all, in the order of the files."""
         wanted = None if topics is None else frozenset(topics)
-        counts: Counter[str] = Counter()
-        files: list[FileCount] = []
+        scans: list[tuple[Path, FileScan]] = []
         self.copied = []
         for file, scan in self._scans():
-            n_broken = 0
+            broken: Counter[str] = Counter()
             for message in scan.messages(wanted):
                 if not message.data.startswith(_COMPRESSED):
                     yield message
-                elif (data := _decompressed(message.data)) is None:
-                    n_broken += 1
-                else:
+                elif (data := _decompressed(message.data)) is not None:
                     yield message._replace(data=data)
+                else:
+                    broken[message.topic] += 1
+            scan.counts.subtract(broken)
+            scan.n_left_out += broken.total()
+            scans.append((file, scan))
             self.has_checksums &= scan.has_checksums
-            counts.update(scan.counts)
-            n_read = scan.counts.total() - n_broken
-            n_left_out = scan.n_left_out + n_broken
-            files.append(FileCount(file, n_read, scan.expected, n_left_out))
-            if isinstance(scan, McapScan):
-                self.copied.append((scan.path, scan.copied))
+            self.copied.append((scan.path, scan.copied))
             self._report(scan.damage, file)
-            if n_broken:
-                what = f"{n_broken} compressed messages cannot be unpacked"
+            if broken:
+                what = f"{broken.total()} compressed messages cannot be unpacked"
                 self._report([Damage(file, None, what)])
-        self.losses = losses(self.layout, files)
+        self.losses = losses(self.layout, scans)
+        counts = sum((scan.counts for _, scan in scans), Counter())
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])
+
+    def _readable(self, number: int, file: Path) -> Path:
+        """The file, or its decompressed copy, which is removed with the reader."""
+        if file.suffix != COMPRESSED_FILE:
+            return file
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        target = self._folder / f"{number}_{file.stem}"
+        with disk_errors("unpack", file, BagError):
+            fault = _decompress(file, target)
+        if fault:
+            self._report([Damage(file, None, fault)])
+        return target
 
     def _topics(self) -> Iterator[Topic]:
         for file, scan in self._scans():
@@ -92,9 +110,9 @@ class BagReader:
             if not self.tolerant:
                 self._report(scan.damage, file)
 
-    def _scans(self) -> Iterator[tuple[Path, McapScan | SqliteScan | Ros1Scan]]:
+    def _scans(self) -> Iterator[tuple[Path, FileScan]]:
         """Each file of the bag and what reads it."""
-        for file, path in zip(self.layout.files, self._files.paths, strict=True):
+        for file, path in zip(self.layout.files, self._paths, strict=True):
             if path.suffix == ".mcap":
                 yield file, McapScan(path, thorough=self._thorough, size=file.stat().st_size)
             elif path.suffix == ROS1_SUFFIX:
@@ -122,49 +140,19 @@ def _decompressed(data: bytes) -> bytes | None:
         return None
 
 
-class _DecompressedFiles:
-    """paths: what to read in place of each file; damage: of files that decompress only in part.
+def _decompress(file: Path, target: Path) -> str:
+    """Write as much of the content as can be decompressed and a file of its size may hold.
 
-    `close` removes the decompressed copies.
+    Returns why that is not all of it, an empty text where it is.
     """
-
-    def __init__(self, files: Sequence[Path]) -> None:
-        self.damage: list[Damage] = []
-        self._folder: Path | None = None
-        self.paths = tuple(self._path(number, file) for number, file in enumerate(files))
-
-    def close(self) -> None:
-        """Remove the decompressed files; further calls do nothing."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-
-    def _path(self, number: int, file: Path) -> Path:
-        if file.suffix != COMPRESSED_FILE:
-            return file
-        if self._folder is None:
-            self._folder = Path(tempfile.mkdtemp(prefix="serd-bag-"))
-        target = self._folder / f"{number}_{file.stem}"
+    left = most_unpacked(file.stat().st_size)
+    with file.open("rb") as source, target.open("wb") as copy:
+        decompressor = zstandard.ZstdDecompressor().decompressobj()
         try:
-            with disk_errors("unpack", file, BagError):
-                self._decompress(file, target)
-        except BagError:
-            self.close()
-            raise
-        return target
-
-    def _decompress(self, file: Path, target: Path) -> None:
-        """Write as much of the content as can be decompressed and a file of its size may hold."""
-        left = most_unpacked(file.stat().st_size)
-        with file.open("rb") as source, target.open("wb") as copy:
-            decompressor = zstandard.ZstdDecompressor().decompressobj()
-            try:
-                while (piece := source.read(_PIECE)) and left > 0:
-                    left -= copy.write(decompressor.decompress(piece)[:left])
-            except zstandard.ZstdError as error:
-                self.damage.append(Damage(file, None, f"it cannot be unpacked ({error})"))
-                return
-        if left <= 0:
-            what = "it unpacks to more than a file of its size can hold; the rest is not read"
-            self.damage.append(Damage(file, None, what))
-        elif not decompressor.eof:
-            self.damage.append(Damage(file, None, "the compressed file is cut off"))
+            while (piece := source.read(_PIECE)) and left > 0:
+                left -= copy.write(decompressor.decompress(piece)[:left])
+        except zstandard.ZstdError as error:
+            return f"it cannot be unpacked ({error})"
+    if left <= 0:
+        return "it unpacks to more than a file of its size can hold; the rest is not read"
+    return "" if decompressor.eof else "the compressed file is cut off"

@@ -10,21 +10,53 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from serd_bag.errors import BagError, FileError
 from serd_bag.formats.rosbag2.qos import RELIABLE, QosProfile
 from serd_bag.messages.plain import diagnostic_array
-from serd_bag.recorder_settings import RecorderSettings
 from serd_bag.writer import BagWriter
 
 _EPISODE = "episode"
 _CHECK_PERIOD_S = 1.0
+_LONGEST_FLUSH_S = 0.5
+
+
+@dataclass(frozen=True)
+class RecorderSettings:
+    """How a bag is recorded; BagError where a value is out of its range.
+
+    max_file_bytes: size at which the next file is started, None for one file; compression: of the
+    chunks; flush_period_s: what a killed process may lose, at most 0.5 s; sync: wait for the disk
+    at each flush; min_free_bytes: recording ends while this much of the disk is still free.
+    """
+
+    max_file_bytes: int | None = None
+    compression: Literal["none", "zstd"] = "none"
+    flush_period_s: float = 0.25
+    sync: bool = True
+    min_free_bytes: int = 100_000_000
+
+    def __post_init__(self) -> None:
+        if not 0 < self.flush_period_s <= _LONGEST_FLUSH_S:
+            raise BagError(
+                f"flush_period_s must be above 0 and at most {_LONGEST_FLUSH_S}, got"
+                f" {self.flush_period_s}"
+            )
+        if self.max_file_bytes is not None and self.max_file_bytes <= 0:
+            raise BagError(f"max_file_bytes must be above 0 or None, got {self.max_file_bytes}")
+        if self.min_free_bytes < 0:
+            raise BagError(f"min_free_bytes must be at least 0, got {self.min_free_bytes}")
 
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """problem: why recording ended by itself, else empty; n_lost: messages since then, and those of
-    the last flush period before."""
+    """What a recorder has done.
+
+    recording: whether it still records; problem: why recording ended by itself, else empty; counts:
+    messages in the bag by topic; n_lost: messages since it ended, and of the last flush period
+    before; episodes_ended, outcomes: by the marks on the topic `episode`.
+    """
 
     recording: bool
     problem: str
@@ -42,7 +74,16 @@ class RecorderStatus:
 
 
 class BagRecorder:
-    """Records into one bag until it is closed or a write fails."""
+    """Records into one bag until it is closed or a write fails.
+
+        recorder = BagRecorder("drive")
+        recorder.add_topic("/odom", "nav_msgs/msg/Odometry")
+        recorder.record("/odom", data, time.time_ns())  # and poll() at least every 0.1 s
+        status = recorder.close()
+
+    directory: of the bag, new or empty; clock: time in s that never goes back; free_bytes: bytes
+    that are free on the disk of a folder. BagError where the folder cannot be used.
+    """
 
     def __init__(
         self,
@@ -92,7 +133,7 @@ class BagRecorder:
         except FileError as error:
             if not self._writer.failed:
                 raise
-            self._give_up(str(error))
+            self._end(str(error))
             return False
         if topic.rsplit("/", 1)[-1] == _EPISODE:
             self._count_mark(data)
@@ -105,7 +146,7 @@ class BagRecorder:
         try:
             self._writer.flush_if_due()
         except FileError as error:
-            self._give_up(str(error))
+            self._end(str(error))
             return
         if self._clock() - self._checked_s >= _CHECK_PERIOD_S:
             self._check_disk()
@@ -127,8 +168,7 @@ class BagRecorder:
     def close(self) -> RecorderStatus:
         """Finish the bag; further calls do nothing."""
         if self._recording:
-            self._recording = False
-            self._finish()
+            self._end()
         return self.status
 
     def _check_disk(self) -> None:
@@ -136,26 +176,23 @@ class BagRecorder:
         try:
             self._free_bytes = self._free_bytes_of(self.directory)
         except OSError as error:
-            self._give_up(f"cannot read the free space of {self.directory}: {error}")
+            self._end(f"cannot read the free space of {self.directory}: {error}")
             return
         if self._free_bytes < self.settings.min_free_bytes:
-            self._give_up(
+            self._end(
                 f"disk of {self.directory} must have {self.settings.min_free_bytes} bytes free,"
                 f" got {self._free_bytes}; recording ended, free some space"
             )
 
-    def _give_up(self, problem: str) -> None:
+    def _end(self, problem: str = "") -> None:
+        """Finish the bag; where writing fails it stays as it is and can be recovered."""
         self._recording = False
         self._problem = problem
-        self._finish()
-
-    def _finish(self) -> None:
-        """Finish the bag; where writing fails it stays as it is and can be recovered."""
         taken = self._writer.n_messages
         try:
             self._writer.close()
         except FileError as error:
-            self._problem = self._problem or str(error)
+            self._problem = problem or str(error)
         self._n_lost += taken - self._writer.n_messages
 
     def _count_mark(self, data: bytes) -> None:

@@ -14,7 +14,9 @@ CDR = "cdr"
 
 @dataclass(frozen=True)
 class Topic:
-    """name: with leading slash; qos: offered by its publishers; encoding: of the messages.
+    """A topic of a bag and the type of its messages.
+
+    name: with leading slash; qos: offered by its publishers; encoding: of the messages.
 
     In a bag that was read, message_type holds what the bag holds: text and hash may be empty.
     """
@@ -31,7 +33,8 @@ class Topic:
 
 
 class RawMessage(NamedTuple):
-    """data: the serialized message as recorded."""
+    """One message of a bag; data: the serialized message as recorded, in CDR unless its topic
+    has another encoding; log time: when it was received, publish time: when it was sent."""
 
     topic: str
     type_name: str

@@ -27,12 +27,17 @@ _LAST_TIME_NS = 2**63 - 1
 
 
 class BagWriter:
-    """Writes serialized messages (CDR bytes).
+    """Writes serialized messages (CDR bytes) as a new bag.
 
-    max_file_bytes: size at which the next file is started, None for one file.
-    flush_period_s: what a killed process may lose; call `flush_if_due` that often.
-    sync: wait for the disk at each flush, so that power loss costs no more either.
-    failed: whether a write to the disk failed; everything before it is kept.
+        with BagWriter("drive") as writer:
+            writer.add_topic("/odom", "nav_msgs/msg/Odometry")
+            writer.write("/odom", data, log_time_ns=time.time_ns())
+
+    directory: of the bag, new or empty. max_file_bytes: size at which the next file is started,
+    None for one file. compression: of chunks. flush_period_s: what a killed process may lose; call
+    `flush_if_due` that often. sync: wait for the disk at each flush, so that power loss costs no
+    more either. BagError where the disk cannot be written; failed: whether that happened;
+    everything before it is kept. counts: messages by topic.
     """
 
     def __init__(
@@ -45,7 +50,10 @@ class BagWriter:
         sync: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.directory = _new_folder(Path(directory))
+        self.directory = Path(directory).resolve()
+        with disk_errors("write", self.directory, BagError):
+            self.directory.mkdir(parents=True, exist_ok=True)
+            require_new_folder(self.directory)
         self.topics: dict[str, Topic] = {}
         self.counts: dict[str, int] = {}
         self._max_file_bytes = max_file_bytes
@@ -64,7 +72,10 @@ class BagWriter:
     def add_topic(
         self, name: str, kind: str | MessageType, qos: tuple[QosProfile, ...] = (RELIABLE,)
     ) -> None:
-        """Declare a topic; `kind`: an installed message type by its name, or any by definition."""
+        """Declare a topic; `kind`: an installed message type by its name, or any by definition.
+
+        BagError for an unknown type, and for a topic that has another type already.
+        """
         topic = Topic(name, message_type(kind) if isinstance(kind, str) else kind, qos)
         known = self.topics.setdefault(name, topic)
         if known.message_type != topic.message_type:
@@ -79,7 +90,10 @@ class BagWriter:
     def write(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
     ) -> None:
-        """Append one message; the publish time defaults to the log time."""
+        """Append one message; the publish time defaults to the log time.
+
+        BagError for a topic that was not added, and for times below 0 or above 2^63-1 ns.
+        """
         channel = self._channels.get(topic)
         if channel is None:
             raise BagError(f"topic {topic!r} must be added first; {hint(topic, self.topics)}")
@@ -175,15 +189,11 @@ class BagWriter:
         self._finished = files
 
     def _metadata(self, files: list[FileSpan]) -> dict[str, object]:
-        return bag_metadata(
-            files, [(each, self.counts[each.name]) for each in self.topics.values()]
-        )
+        topics = [(topic, self.counts[topic.name]) for topic in self.topics.values()]
+        return bag_metadata(files, topics)
 
 
-def _new_folder(directory: Path) -> Path:
-    directory = directory.resolve()
-    with disk_errors("write", directory, BagError):
-        directory.mkdir(parents=True, exist_ok=True)
-        if any(directory.iterdir()):
-            raise BagError(f"bag folder {directory} must be new or empty; choose another name")
-    return directory
+def require_new_folder(directory: Path) -> None:
+    """BagError where the folder of a new bag is not empty, or a file stands in its place."""
+    if directory.exists() and (not directory.is_dir() or any(directory.iterdir())):
+        raise BagError(f"bag folder {directory} must be new or empty; choose another name")

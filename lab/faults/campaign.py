@@ -15,7 +15,7 @@ from serd_files.table import Column, OptionalFloat, Row, columns_of
 from serd_sim.drivers.catalogue import Driver, make_driver
 from serd_sim.episodes.batch import INPUTS, EpisodeTask, inputs_digest, scenario_of
 from serd_sim.episodes.episode import EpisodeProgress
-from serd_sim.perception.scanning_planner import ScanMatcher
+from serd_sim.perception.scan_people import ScanPerception
 from serd_sim.planning.local_planner import make_planner
 from serd_sim.robot.robot import ContactCounts
 from serd_sim.safety.guard import Guard, GuardOutput
@@ -105,13 +105,14 @@ class _LivePlanner:
     """The local planner of the live stack: it plans on the newest complete observation."""
 
     def __init__(self, scenario: Scenario, people_from: str) -> None:
-        self._scans = ScanMatcher(scenario) if people_from == "scan" else None
-        made = make_planner(scenario)
-        self._planner = self._scans.planner_on(made) if self._scans else made
+        self._perception = ScanPerception(scenario) if people_from == "scan" else None
+        self._scan: Message | None = None
+        self._planner = make_planner(scenario)
         self._cells = scenario.cells
         self._epochs = epochs_in(scenario)
         self._followed = FollowedDirective(scenario)
-        self._inbox = ObservationInbox(scenario.control_period_s, needs_people=self._scans is None)
+        needs_people = self._perception is None
+        self._inbox = ObservationInbox(scenario.control_period_s, needs_people=needs_people)
         self._arrived_s = -math.inf
         self.observation: Observation | None = None
         self._directed: Waypoint | None = None
@@ -121,8 +122,7 @@ class _LivePlanner:
             observation = self._completed_by(each)
             if observation is not None:
                 self.observation, self._arrived_s = observation, now_s
-                if self._scans is not None:
-                    self._scans.take_observation(observation)
+            self._match()
 
     def _completed_by(self, message: Message) -> Observation | None:
         time_ns = round(message.stamp_s * 1e9)
@@ -132,9 +132,17 @@ class _LivePlanner:
             return self._inbox.take_speeds(time_ns, message.value[1])
         if message.source is Source.PEOPLE:
             return self._inbox.take_people(time_ns, message.value)
-        if self._scans is not None:
-            self._scans.take_scan(time_ns, message.value.ranges_m)
+        self._scan = message
         return None
+
+    def _match(self) -> None:
+        """Find people in a scan once the observation of its stamp is there."""
+        scan, observation = self._scan, self.observation
+        if self._perception is None or scan is None or observation is None:
+            return
+        if round(scan.stamp_s * 1e9) == round(observation.time_s * 1e9):
+            self._perception.take(observation, scan.value.ranges_m)
+            self._scan = None
 
     def decide(self, driver: Driver) -> bool:
         """Take the waypoint of the decision epoch that begins now; whether one begins."""
@@ -153,9 +161,13 @@ class _LivePlanner:
             self._followed.take(self.observation.time_s, self._directed)
 
     def command(self, now_s: float) -> Command:
-        if self.observation is None or now_s - self._arrived_s > _SILENT_S:
+        seen = self.observation
+        if seen is None or now_s - self._arrived_s > _SILENT_S:
             return STOP
-        return self._planner.step(self.observation, self._followed.waypoint(self.observation))
+        waypoint = self._followed.waypoint(seen)
+        return self._planner.step(
+            self._perception.see(seen) if self._perception else seen, waypoint
+        )
 
 
 class _Watch:

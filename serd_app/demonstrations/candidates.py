@@ -122,7 +122,7 @@ class Candidates:
                     take(message)
                 except BagError as error:  # noqa: PERF203
                     self._damaged.setdefault(message.topic, error)
-        self.actions = {name: each for name, each in actions.items() if each.n_taken}
+        self.actions = {name: each for name, each in actions.items() if each.has_messages}
         self._messages = poses
         made = (
             self._made(_pose_candidate, self._known[name], each) for name, each in poses.items()

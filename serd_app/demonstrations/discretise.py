@@ -23,6 +23,7 @@ from serd_app.drives.drive import (
     SILENCE,
     EpisodeSpan,
     RecordedDrive,
+    places_at,
 )
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
@@ -278,8 +279,7 @@ def _way(drive: RecordedDrive, span: EpisodeSpan) -> tuple[FloatArray, FloatArra
     whole = np.repeat(np.arange(len(time_s)), n_parts)
     parts_left = np.cumsum(n_parts)[whole] - 1 - np.arange(len(whole))
     divided_s = time_s[whole] - parts_left * (step_s / n_parts)[whole]
-    places = [np.interp(divided_s, time_s, each) for each in position_m.T]
-    return divided_s, np.stack(places, axis=1), after_gap[whole]
+    return divided_s, places_at(divided_s, time_s, position_m), after_gap[whole]
 
 
 def _in_force(
@@ -304,9 +304,8 @@ def _moving_waits(drive: RecordedDrive, decisions: TimedDecisions) -> int:
     if not len(waits):
         return 0
     half_s = waits.dwell_s / 2.0
-    ends_s = waits.time_s + half_s, waits.time_s + waits.dwell_s
-    east_m, north_m = (
-        np.subtract(*(np.interp(each, drive.pose_time_s, axis) for each in ends_s))
-        for axis in drive.position_m.T
+    middle_m, end_m = (
+        places_at(at_s, drive.pose_time_s, drive.position_m)
+        for at_s in (waits.time_s + half_s, waits.time_s + waits.dwell_s)
     )
-    return int((np.hypot(east_m, north_m) >= drive.minimum_speed_mps * half_s).sum())
+    return int((np.hypot(*(end_m - middle_m).T) >= drive.minimum_speed_mps * half_s).sum())

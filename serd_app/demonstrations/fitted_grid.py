@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from serd_app.drives.drive import RecordedDrive
+from serd_app.drives.drive import RecordedDrive, places_at
 from serd_app.drives.recording import Recording
 from serd_app.errors import AppError
 from serd_bag.errors import BagError
@@ -129,8 +129,8 @@ def _usual_speed_mps(drives: Sequence[RecordedDrive]) -> float:
         least_mps = max(drive.minimum_speed_mps, 1e-3)
         for span in (span for span in drive.episodes if span.demonstrates):
             time_s = np.arange(span.start_s, span.end_s + 1e-6, _SECOND_S)
-            columns = [np.interp(time_s, drive.pose_time_s, axis) for axis in drive.position_m.T]
-            speeds_mps = np.hypot(*np.diff(columns)) / _SECOND_S
+            places_m = places_at(time_s, drive.pose_time_s, drive.position_m)
+            speeds_mps = np.hypot(*np.diff(places_m, axis=0).T) / _SECOND_S
             moving.append(speeds_mps[speeds_mps >= least_mps])
     speeds_mps = np.concatenate(moving)
     return float(np.median(speeds_mps)) if len(speeds_mps) else 0.0

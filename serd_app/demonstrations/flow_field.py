@@ -3,56 +3,29 @@
 The flow of a cell is the axis nearest to the sum of the velocities seen in it; there is none where
 fewer than a number of people were seen, or where they do not walk in one direction: the order
 |sum v| / sum |v| is 1 when all walk the same way and 0 when they cancel.
-
-Its table beside that of decisions has a row per state of the grid, in order: the centre of the
-cell, the flow (north, east, south, west or none) and the measurements that it was derived from.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import blake2b
-from pathlib import Path
 
 import numpy as np
 
-from serd_app.drives.recording import Recording, is_table
+from serd_app.demonstrations.decision_table import FlowField
+from serd_app.drives.drive import places_at
+from serd_app.drives.recording import Recording
 from serd_app.drives.transforms import RecordedTransforms, plain_name
-from serd_bag.errors import FileError
 from serd_bag.messages.people import SeenPeople, SightedIds, people_in, require_people
-from serd_bag.nearest import hint
 from serd_bag.reader import BagReader
 from serd_bag.topic import topic_named, topics_named
-from serd_core.arrays import FloatArray, IntArray
-from serd_core.grid.grid import Action, Grid, action_of_direction
+from serd_core.arrays import FloatArray
+from serd_core.grid.grid import Grid, action_of_direction
 from serd_core.grid.navigation import NO_FLOW
-from serd_files.table import Column, read_table, write_table
 from serd_files.trajectories.read import Track
 
 _LEAST_ORDER = 0.5
 #: Velocities of people of a table are central differences over about this time.
 _VELOCITY_S = 0.4
-_COLUMNS = (
-    Column("state", int),
-    Column("x_m", float),
-    Column("y_m", float),
-    Column("flow", str),
-    Column("order", float),
-    Column("count", int),
-    Column("vx_mps", float),
-    Column("vy_mps", float),
-)
-_FLOWS = {"none": NO_FLOW} | {action.name.lower(): int(action) for action in list(Action)[1:]}
-_NAMES = {flow: name for name, flow in _FLOWS.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class FlowField:
-    """flow (S,) an `Action` or -1; mean_velocity_mps (S, 2); order (S,) 0 to 1; count (S,)."""
-
-    flow: IntArray
-    mean_velocity_mps: FloatArray
-    order: FloatArray
-    count: IntArray
 
 
 def flow_of_people(
@@ -150,7 +123,7 @@ def flow_from_recordings(
             velocity_mps = np.concatenate([_velocity_mps(track) for track in each.people])
             digest = blake2b(position_m.tobytes(), digest_size=16).digest()
             seen.setdefault(digest, (position_m, velocity_mps))
-        reader = None if is_table(each.bag) else BagReader(each.bag, tolerant=tolerant)
+        reader = None if each.of_table else BagReader(each.bag, tolerant=tolerant)
         if reader is not None and topics_named(reader.topics, topic):
             for one in recorded_sightings(reader, topic, frame=frame):
                 people = one.people.position_m[:, :2], one.people.velocity_mps[:, :2]
@@ -166,41 +139,6 @@ def _velocity_mps(track: Track) -> FloatArray:
     early_s = np.maximum(track.time_s - _VELOCITY_S / 2, track.time_s[0])
     late_s = np.minimum(track.time_s + _VELOCITY_S / 2, track.time_s[-1])
     early_m, late_m = (
-        np.stack([np.interp(at_s, track.time_s, axis) for axis in track.position_m.T], 1)
-        for at_s in (early_s, late_s)
+        places_at(at_s, track.time_s, track.position_m) for at_s in (early_s, late_s)
     )
     return np.asarray((late_m - early_m) / (late_s - early_s)[:, None])
-
-
-def save_flow(path: str | Path, grid: Grid, field: FlowField) -> None:
-    """Write one line per state."""
-    names = [_NAMES[each] for each in field.flow.tolist()]
-    numbers = field.order.round(4).tolist(), field.count.tolist()
-    centers, velocities = grid.centers_m.T, field.mean_velocity_mps.round(4).T
-    columns = *centers.tolist(), names, *numbers, *velocities.tolist()
-    write_table(path, _COLUMNS, zip(range(grid.n_states), *columns, strict=True))
-
-
-def load_flow(path: str | Path, grid: Grid) -> IntArray:
-    """(S,) the direction in each state, -1 for none; FileError where it is of another grid."""
-    table = read_table(path, _COLUMNS)
-    if len(table) != grid.n_states:
-        raise FileError(
-            f"{path}: must have one line for each of the grid's {grid.n_states} states, got"
-            f" {len(table)}; it was made for another grid"
-        )
-    for line, name in enumerate((row["flow"] for row in table), start=2):
-        if name not in _FLOWS:
-            raise FileError(
-                f"{path}: line {line}, flow must be a direction or none, got {name!r}"
-                f"; {hint(name, _FLOWS)}"
-            )
-    centers_m = np.array([(row["x_m"], row["y_m"]) for row in table])
-    apart = np.abs(centers_m - grid.centers_m).max(axis=1) > 1e-6 * grid.cell_size_m
-    if apart.any():
-        state = int(np.argmax(apart))
-        raise FileError(
-            f"{path}: line {state + 2} must be the cell at {tuple(grid.centers_m[state].tolist())},"
-            f" got {tuple(centers_m[state].tolist())}; it was made for another grid"
-        )
-    return np.array([_FLOWS[row["flow"]] for row in table], dtype=np.int64)

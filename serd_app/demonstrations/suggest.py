@@ -9,20 +9,20 @@ are hidden: learning uses the poses alone.
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from serd_app.demonstrations.candidates import (
-    Candidates,
-    PoseCandidate,
+from serd_app.demonstrations.candidates import Candidates, PoseCandidate
+from serd_app.demonstrations.discretise import (
+    MOST_MOVING_WAITS,
+    DiscretisationReport,
+    demonstrations_of_drives,
 )
-from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, DiscretisationReport
 from serd_app.demonstrations.fitted_grid import USUAL_PATIENCE_S, USUAL_WAIT_S, fitted_grid
-from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.drives.actions import PoseTrack
 from serd_app.drives.drive import EPISODE, INTENT, POSE
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping, usual_gap_s
@@ -30,7 +30,7 @@ from serd_app.drives.recording import Recording, is_table
 from serd_app.errors import AppError
 from serd_bag.errors import BagError, printable
 from serd_bag.reader import BagReader
-from serd_bag.topic import Topic, topics_named
+from serd_bag.topic import topics_named
 from serd_core.arrays import BoolArray, FloatArray
 
 #: In the order of preference where they explain the motion equally well.
@@ -98,9 +98,10 @@ def suggest_mapping(bag: Path) -> Suggestion:
     collected = Candidates(reader)
     poses, rejected = collected.poses, collected.rejected
     if not poses:
+        known = sorted(f"{topic.name} ({topic.type_name})" for topic in reader.topics.values())
         raise AppError(
             f"bag {bag} must hold poses of a robot that moves, as Odometry, PoseStamped or /tf;"
-            f" it holds {_listed(reader.topics.values())}"
+            f" it holds {', '.join(known) or 'nothing'}"
             + (f"; {'; '.join(rejected)}" if rejected else "")
             + "; pose_topic with pose_fields or robot_frame in a --mapping file name another pose"
         )
@@ -186,10 +187,10 @@ def _tested(
         moved = "/tf moves the frame of these poses in it, as a localisation corrects odometry"
         noted["frame"] = (moved,)
     try:
-        recording = Recording(bag, (collected.drive(mapping),))
-        grid = fitted_grid([recording], size_m)
-        (found,) = demonstrations_of_all([recording], grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
-        report = found.report if found.report.n_decisions else None
+        drives = (collected.drive(mapping),)
+        grid = fitted_grid([Recording(bag, drives)], size_m)
+        _, found = demonstrations_of_drives(drives, grid, USUAL_PATIENCE_S, USUAL_WAIT_S)
+        report = found if found.n_decisions else None
     except (BagError, AppError) as error:
         noted[""] = (*noted.get("", ()), str(error))
     return Suggestion(bag, mapping, noted, report, size_m)
@@ -298,8 +299,3 @@ def _hold_comments(fit: CommandFit) -> Comments:
 def _comment(line: str) -> str:
     """Names in a bag may hold line ends, which would end the comment, and what is not YAML."""
     return f"# {printable(' '.join(line.splitlines()))}"
-
-
-def _listed(topics: Iterable[Topic]) -> str:
-    names = sorted(f"{topic.name} ({topic.type_name})" for topic in topics)
-    return ", ".join(names) or "nothing"

@@ -21,6 +21,7 @@ from serd_app.drives.drive import (
     EpisodeSpan,
     actions_of_directions,
     hidden_intents,
+    places_at,
 )
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_bag.errors import BagError
@@ -47,8 +48,7 @@ class PoseTrack:
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """(N, 2) places, those at the ends before and after them."""
-        columns = [np.interp(time_s, self.time_s, column) for column in self.poses[:, :2].T]
-        return np.stack(columns, axis=1)
+        return places_at(time_s, self.time_s, self.poses[:, :2])
 
     def placed(self, log_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
         """(N,) times on the clock of the poses of a topic's messages; stamps 0 without one."""
@@ -71,9 +71,9 @@ class MappedActions:
         self._source, self._rows = source, array("d")
 
     @property
-    def n_taken(self) -> int:
-        """Messages so far."""
-        return len(self._rows) // 4
+    def has_messages(self) -> bool:
+        """Whether a message was taken."""
+        return bool(self._rows)
 
     def take(self, message: RawMessage) -> None:
         """One of them; BagError where it is damaged."""

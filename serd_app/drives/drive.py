@@ -114,6 +114,11 @@ def hidden_intents(spans: tuple[EpisodeSpan, ...]) -> dict[str, Any]:
     }
 
 
+def places_at(at_s: FloatArray, time_s: FloatArray, position_m: FloatArray) -> FloatArray:
+    """(N, 2) places at (N,) times between (T,) poses; those at the ends before and after them."""
+    return np.stack([np.interp(at_s, time_s, axis) for axis in position_m.T], axis=1)
+
+
 def source_of(bag: str | Path) -> str:
     """What tables call a bag: its path as given, since many bags have one name."""
     return f"bag {Path(bag)}"

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from serd_app.drives.drive import LONGEST_GAP_S, RETURN, EpisodeSpan
+from serd_app.drives.drive import LONGEST_GAP_S, RETURN, EpisodeSpan, places_at
 from serd_core.arrays import BoolArray, FloatArray
 from serd_files.settings import setting
 from serd_files.trajectories.columns import TableColumns
@@ -253,7 +253,7 @@ def _standing(piece: _Piece, stop_s: float) -> BoolArray:
     """(T,) whether it stays within the standing distance for the time of a stop, around then."""
     first_s, last_s = piece.time_s[0], piece.time_s[-1]
     sample_s = np.arange(first_s, last_s, stop_s / _SAMPLES_OF_A_STOP)
-    place_m = np.stack([np.interp(sample_s, piece.time_s, each) for each in piece.position_m.T], 1)
+    place_m = places_at(sample_s, piece.time_s, piece.position_m)
     standing = np.zeros(len(piece.time_s), dtype=bool)
     row = 0
     while row + _SAMPLES_OF_A_STOP < len(sample_s):

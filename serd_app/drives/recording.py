@@ -30,6 +30,7 @@ from serd_bag.formats.rosbag2.layout import is_bag_file
 from serd_bag.reader import BagReader
 from serd_bag.topic import topics_named
 from serd_files.trajectories.read import Track, read_trajectories
+from serd_files.yaml_config import load_yaml_model
 
 _OWN_TOPICS = (POSE, INTENT, EPISODE)
 #: Of tables in a folder.
@@ -46,25 +47,18 @@ class Recording:
     """A drive for each run of the clock, or each expert of a table; damage: sentences about what
     could not be read.
 
-    losses: messages that are missing. people: agents of the flow of a table, none of robots alone,
-    all where all demonstrate, else the rest. assumed: what the recording does not state.
+    losses: messages that are missing. of_table: whether it is a table. people: agents of its flow,
+    none of robots alone, all where all demonstrate, else the rest. assumed: what the recording does
+    not state.
     """
 
     bag: Path
     drives: tuple[RecordedDrive, ...]
     damage: tuple[str, ...] = ()
     losses: Losses = field(default_factory=Losses)
+    of_table: bool = False
     people: tuple[Track, ...] = ()
     assumed: tuple[str, ...] = ()
-
-    def values(self) -> dict[str, Any]:
-        """What of the bag could not be read, as plain values."""
-        return {
-            "damage": list(self.damage),
-            "n_lost": self.losses.n_messages,
-            "all_lost_known": self.losses.all_known,
-            "assumed": list(self.assumed),
-        }
 
 
 def is_table(path: Path) -> bool:
@@ -78,6 +72,21 @@ def is_table(path: Path) -> bool:
                 f" {path}/*{tables[0].suffix}"
             )
     return path.is_file() and not is_bag_file(path)
+
+
+def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | None:
+    """The mapping of a file, for bags or for tables; None without a file or without paths."""
+    if file is None or not paths:
+        return None
+    kinds = {TableMapping if is_table(each) else BagMapping for each in paths}
+    if len(kinds) > 1:
+        raise AppError(f"--mapping must be for bags or for tables, got {file} for both")
+    return load_yaml_model(file, kinds.pop())
+
+
+def read_recordings(paths: Sequence[Path], **options: Any) -> list[Recording]:
+    """Bags or tables in the order given; options: as of `read_recording`."""
+    return [read_recording(path, **options) for path in paths]
 
 
 def read_recording(
@@ -153,15 +162,11 @@ def _table(path: Path, mapping: TableMapping) -> Recording:
     tracks = found.tracks
     experts, choice = _experts(path, tracks, mapping.experts)
     drives = tuple(_drive_of_track(tracks[expert], mapping, f"table {path}") for expert in experts)
-    people = (
-        tracks
-        if len(experts) == len(tracks)
-        else tuple(track for row, track in enumerate(tracks) if row not in experts)
-    )
-    if len(tracks) == 1 or all(map(_is_robot, tracks)):
-        people = ()
+    others = tuple(track for row, track in enumerate(tracks) if row not in experts)
+    no_people = len(tracks) == 1 or all(map(_is_robot, tracks))
+    people = () if no_people else others or tracks
     assumed = (*found.assumed, choice) if choice else found.assumed
-    return Recording(path, drives, people=people, assumed=assumed)
+    return Recording(path, drives, of_table=True, people=people, assumed=assumed)
 
 
 def _experts(

@@ -1,9 +1,8 @@
 """One episode as a movie or as one moment of it: what `serd scenario film` does."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-
-import numpy as np
 
 from serd_bag.files import require_file_place
 from serd_sim.drivers.catalogue import make_driver
@@ -38,11 +37,17 @@ def film(
     require_file_place(output)
     place = scenario_of(task.scenario, task.n_people)
     record, seen = _drive(task, place)
-    drawn = TopView(place, PIXELS_PER_M)
+    drawn, last = TopView(place, PIXELS_PER_M), len(seen) - 1
     if output.suffix.lower() == ".png":
-        _write_moment(drawn, seen, output, at_s)
-    else:
-        _write_movie(drawn, seen, place, output, speed, track)
+        times_s, begin_s = [each.time_s for each in seen], seen[0].time_s
+        tick = last if at_s is None else min(bisect_left(times_s, begin_s + at_s), last)
+        save_png(drawn.frame_at(seen, tick), output)
+        return record
+    # Every n-th tick, at exactly the given speed.
+    period_s = place.control_period_s
+    step = max(1, round(speed / (FRAMES_PER_S * period_s)))
+    frames = (drawn.frame_at(seen, tick) for tick in track([*range(0, last, step), last]))
+    save_gif(frames, output, speed / (step * period_s))
     return record
 
 
@@ -60,28 +65,3 @@ def _drive(task: EpisodeTask, scenario: Scenario) -> tuple[EpisodeRecord, list[O
             observer=lambda observation, *_: seen.append(observation),
         )
     return record, seen
-
-
-def _write_moment(
-    drawn: TopView, seen: list[Observation], output: Path, at_s: float | None
-) -> None:
-    times_s = np.array([each.time_s for each in seen])
-    last = len(seen) - 1
-    tick = last if at_s is None else min(int(np.searchsorted(times_s, times_s[0] + at_s)), last)
-    save_png(drawn.frame_at(seen, tick), output)
-
-
-def _write_movie(
-    drawn: TopView,
-    seen: list[Observation],
-    scenario: Scenario,
-    output: Path,
-    speed: float,
-    track: Track,
-) -> None:
-    """Every n-th tick, at exactly the given speed."""
-    last, period_s = len(seen) - 1, scenario.control_period_s
-    step = max(1, round(speed / (FRAMES_PER_S * period_s)))
-    ticks = track([*range(0, last, step), last])
-    frames = (drawn.frame_at(seen, tick) for tick in ticks)
-    save_gif(frames, output, speed / (step * period_s))

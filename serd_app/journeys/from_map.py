@@ -10,7 +10,6 @@ from serd_app.places.free_area import free_area_m, is_area_file, read_area_m
 from serd_app.places.map_scenario import map_scenario_yaml
 from serd_app.places.ros_map import read_map
 from serd_app.places.settings import PlaceSettings
-from serd_app.report.pictures import save_plan
 from serd_bag.files import atomic_write_text, read_text
 from serd_files.yaml_config import yaml_model
 from serd_sim.scenario.occupancy import OccupancyRaster
@@ -61,6 +60,8 @@ def scenario_from_map(
         _require_unedited(file, text)
     atomic_write_text(file, text)
     picture = file.with_suffix(".png")
+    from serd_app.report.maps import save_plan
+
     save_plan(picture, scenario)
     return MappedScenario(scenario, area, raster, file, picture)
 

@@ -3,18 +3,17 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from serd_app.errors import AppError
 from serd_app.journeys.report import ReportSources
 from serd_app.journeys.report import report as write_page
-from serd_app.learning.fit_data import ProgressCallback, ignore_progress
 from serd_app.learning.knowledge import Certainty, certainty_of
 from serd_app.learning.learning_files import LearningFiles, read_learning_files
+from serd_app.learning.methods import ProgressCallback, ignore_progress
 from serd_app.learning.outcome import FitOutcome, outcome_files, save_outcome
 from serd_app.learning.recipe import learn
 from serd_app.learning.settings import FlowSource, LearningSettings
 from serd_app.places.kept_scenario import require_replaceable
-from serd_app.report.pictures import save_gain_picture
 from serd_bag.files import require_file_place, require_folder
+from serd_files.errors import missing_pictures
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,27 +55,18 @@ def learn_from_table(
     files = read_learning_files(
         table, discount=settings.discount, scenario=scenario, flow=flow, goals_m=goals_m
     )
-    _require_left(files, settings.minimum_decisions)
     require_replaceable(output, files.task.scenario_yaml)
     outcome = learn(files.task, files.decisions, settings, on_progress)
     grid, missing = files.task.problem.grid, ""
     save_outcome(output, outcome, grid)
-    if outcome.knowledge is not None:
-        picture = outcome_files(output)["gain_map"]
-        missing = save_gain_picture(picture, grid, outcome.knowledge.gain_nats)
+    if outcome.knowledge is not None and not (missing := missing_pictures()):
+        from serd_app.report.maps import draw_gain
+        from serd_app.report.style import save_figure
+
+        figure = draw_gain(None, grid, outcome.knowledge.gain_nats)
+        save_figure(outcome_files(output)["gain_map"], figure)
     page = None
     if report is not None:
         page = write_page(ReportSources(output, scenario, table), report).page
-    certainty = certainty_of(outcome.problem, files.decisions, outcome.fit)
+    certainty = certainty_of(outcome.problem, outcome.decisions, outcome.fit)
     return Learned(files, outcome, certainty, output, page, missing)
-
-
-def _require_left(files: LearningFiles, minimum_decisions: int) -> None:
-    """AppError where the goal leaves too few decisions."""
-    n_left = len(files.decisions)
-    if files.n_after_goal and n_left < minimum_decisions:
-        goals = "; ".join(f"{x:g},{y:g}" for x, y in files.goals_m)
-        raise AppError(
-            f"at least {minimum_decisions} decisions before the goal are needed to learn, got"
-            f" {n_left} and {files.n_after_goal} after it (goal: {goals}); name another --goal"
-        )

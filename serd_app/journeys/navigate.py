@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from serd_app.errors import AppError
-from serd_app.navigation.comparison import Comparison, compare
+from serd_app.navigation.comparison import Comparison, arrival_times_s, compare, predicted_law
 from serd_app.navigation.navigator import ArrivalRecords, Navigator
 from serd_app.navigation.settings import DriveSettings
-from serd_app.report.pictures import save_arrival_picture
 from serd_bag.files import read_text, require_folder
 from serd_core.grid.grid import Action
+from serd_files.errors import missing_pictures
 from serd_files.table import EpisodeResult, load_episodes, write_rows
 from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_sim.episodes.episode import result_of_record, run_episode
 from serd_sim.planning.local_planner import make_planner
-from serd_sim.scenario.grid import grid_of, start_states_of, with_goal
+from serd_sim.scenario.grid import start_states_of
 from serd_sim.scenario.scenario import scenario_digest
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
@@ -51,19 +51,22 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
     drive_all: as `drive`, in this process or by nodes. SerdError or FileError for an option that
     does not fit the model or the place, before anything drives, and for a folder of another drive.
     """
-    own = settings.place()
-    scenario = with_goal(own, settings.goal)
-    start_states_of(scenario, grid_of(scenario), settings.start_area)
-    make_planner(scenario)
-    navigator = Navigator(own, settings)
+    navigator = Navigator(settings.place(), settings)
     strategy = navigator.strategy
+    start_states_of(strategy.scenario, strategy.problem.grid, settings.start_area)
+    make_planner(strategy.scenario)
     if output is not None:
         require_folder(output)
         claim_folder(output, settings)
     rows = drive_all(settings, output, navigator)
-    missing = ""
-    if output is not None:
-        missing = save_arrival_picture(output / "arrival.png", strategy, settings.start_area, rows)
+    missing = "" if output is None else missing_pictures()
+    if output is not None and not missing:
+        from serd_app.report.charts import draw_comparison
+        from serd_app.report.style import save_figure
+
+        law, times_s = predicted_law(strategy, settings.start_area), arrival_times_s(rows)
+        figure = draw_comparison(law, times_s, strategy.timeout_s)
+        save_figure(output / "arrival.png", figure)
     comparison = compare(strategy, settings.start_area, rows)
     return Navigated(settings, comparison, strategy.scenario.patience_remark, missing)
 

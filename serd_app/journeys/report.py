@@ -15,17 +15,12 @@ from serd_app.errors import ReportError
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.comparison import (
-    predicted_law,
-    recorded_times,
-    starts_of,
-)
-from serd_app.navigation.navigator import plan_remarks
+from serd_app.navigation.comparison import predicted_law, recorded_times, starts_of
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder
 from serd_files.model_file import ModelFile, load_model, require_grid
-from serd_files.table import EpisodeResult, load_episodes
+from serd_files.table import load_episodes
 from serd_sim.drivers.strategy import Strategy, load_strategy
 from serd_sim.scenario.grid import goal_cell
 from serd_sim.scenario.scenario import load_scenario
@@ -33,7 +28,6 @@ from serd_sim.world.epochs import decisions_of
 
 if TYPE_CHECKING:
     from serd_app.report.write import Reported
-
 
 _PACKAGES = ("serd", "numpy", "scipy")
 
@@ -77,22 +71,20 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
     trace = load_trace(files["learning"]) if files["learning"].exists() else np.zeros(0)
     if len(trace) and not np.isclose(trace[-1], file.fit.objective):
         trace = np.zeros(0)  # of another fit
+    driven = sources.episodes
+    episodes = () if driven is None else load_episodes(driven)
+    if driven is not None and not episodes:
+        raise ReportError(f"{driven} must have at least one episode, got none; drive some")
     return ReportInputs(
         title=f"Learned model: {file.scenario or 'fitted grid'}",
-        scenario=place,
-        problem=problem,
+        strategy=strategy,
         fit=fit_of_file(file, problem, trace),
-        policy=strategy.policy,
-        episodes=_episodes(sources.episodes),
-        predicted=predicted_law(strategy, "train"),
-        timeout_s=strategy.timeout_s,
+        episodes=episodes,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
         forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(sources, strategy),
         n_demonstrations=file.fit.n_episodes,
-        driven=strategy.driven,
-        remarks=tuple(plan_remarks(strategy)),
     )
 
 
@@ -131,15 +123,6 @@ def _forecasts(strategy: Strategy, starts_m: Sequence[tuple[float, float]]) -> I
         cell = goal_cell(grid, x_m, y_m, what="start")
         law = strategy.law_from(np.eye(1, grid.n_states, cell)[0])
         yield Forecast(f"{x_m:g}, {y_m:g}", law, cell in strategy.driven.learned_traps)
-
-
-def _episodes(path: Path | None) -> tuple[EpisodeResult, ...]:
-    if path is None:
-        return ()
-    rows = load_episodes(path)
-    if not rows:
-        raise ReportError(f"{path} must have at least one episode, got none; drive some")
-    return rows
 
 
 def _facts(file: ModelFile) -> RunFacts:

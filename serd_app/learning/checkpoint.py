@@ -7,7 +7,7 @@ caller's thread stays free meanwhile.
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import ClassVar, Literal
@@ -27,7 +27,7 @@ from serd_app.demonstrations.discretise import (
 )
 from serd_app.drives.drive import CUT_OFF
 from serd_app.drives.sessions import DriveSessions
-from serd_app.learning.fit_data import FitProgress, ProgressCallback
+from serd_app.learning.methods import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
@@ -65,12 +65,12 @@ class LearnerCheckpoint(StrictModel):
     n_learned: int = Field(default=0, ge=0)
 
 
-@dataclass(frozen=True)
 class CheckpointFolder:
     """Reads and writes the two files; each is replaced whole."""
 
-    path: Path
-    scenario: Scenario
+    def __init__(self, path: Path, scenario: Scenario) -> None:
+        self.path, self.scenario = path, scenario
+        self._decisions, self._checkpoint = path / "decisions.csv", path / "checkpoint.yaml"
 
     def new(self) -> LearnerCheckpoint:
         """The checkpoint of a learner without demonstrations."""
@@ -111,14 +111,6 @@ class CheckpointFolder:
         """Write where the fit stands."""
         save_yaml_model(self._checkpoint, checkpoint)
 
-    @property
-    def _decisions(self) -> Path:
-        return self.path / "decisions.csv"
-
-    @property
-    def _checkpoint(self) -> Path:
-        return self.path / "checkpoint.yaml"
-
 
 class LiveDrive(DriveSessions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
@@ -158,11 +150,7 @@ class LearnerMemory:
     """
 
     def __init__(
-        self,
-        scenario: Scenario,
-        folder: Path,
-        *,
-        feature_names: Sequence[str] | None = None,
+        self, scenario: Scenario, folder: Path, *, feature_names: Sequence[str] | None = None
     ) -> None:
         grid = grid_of(scenario)
         self._feature_names = feature_names or features_of_flow(flow_of(scenario, grid))
@@ -171,11 +159,7 @@ class LearnerMemory:
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
         self.decisions = earlier
         self.drive = LiveDrive(
-            "live topics",
-            grid,
-            scenario.patience_s,
-            scenario.wait_s,
-            earlier=earlier,
+            "live topics", grid, scenario.patience_s, scenario.wait_s, earlier=earlier
         )
 
     @property

@@ -1,4 +1,4 @@
-"""The learning methods of the product and of the study, by name.
+"""The learning methods of the product and of the study, by name, and what they learn from.
 
 Where a weight has to be chosen (of the divergence prior or of the coupling), it is the one of the
 highest likelihood on the validation episodes; the result is then fitted to all episodes, so every
@@ -8,30 +8,36 @@ SERD starts in two stages: reward weights under the M-estimate of the dynamics f
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 
 from serd_app.errors import AppError
-from serd_app.learning.fit_data import FitData, OnStep
-from serd_app.learning.settings import MethodName
+from serd_app.learning.settings import MethodName, RecipeSettings
 from serd_core.arrays import FloatArray
+from serd_core.ascent.ascent import Step
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions, trajectories_of
-from serd_core.grid.navigation import NavigationProblem
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_entropy, fit_mdce_irl_by_likelihood
+from serd_core.learners.mdce_irl import (
+    fit_mdce_irl_by_entropy,
+    fit_mdce_irl_by_likelihood,
+    weights_under_initial_dynamics,
+)
 from serd_core.learners.policy_matching import clone_behaviour
 from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
 from serd_core.learners.serd import fit_mdce_serd
+from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
 from serd_core.posterior.parameters import Block
 from serd_core.priors.divergence import KldPrior
-from serd_core.priors.prior import Prior
-from serd_core.selection.evaluation import select_weight, validation_log_likelihood
+from serd_core.priors.prior import GaussianPrior, Prior
+from serd_core.selection.evaluation import select_weight, split_episodes, validation_log_likelihood
 
 ASCENT = TrustRegion(gradient_tolerance=1e-5, max_steps=200)
 #: Methods that accept decisions whose action is hidden.
@@ -40,6 +46,108 @@ LEARN_FROM_STATES: tuple[MethodName, ...] = (
     "mdce_serd_coupled",
     "mdce_serd_free",
 )
+
+
+@dataclass(frozen=True, eq=False)
+class FitProgress:
+    """A step of fit `number` of `total`; prior_weight: the one it uses, None for methods without.
+
+    The last fit is the one to all episodes, those before compare weights on validation.
+    n_features: F, of a place with flow by default.
+    """
+
+    number: int
+    total: int
+    prior_weight: float | None
+    step: Step
+    n_features: int = len(FEATURE_NAMES)
+
+    @property
+    def weights(self) -> FloatArray:
+        """(F,) reward weights, with which the vector of every method begins."""
+        return self.step.vector[: self.n_features]
+
+    @property
+    def is_last(self) -> bool:
+        """Whether it is the fit to all episodes."""
+        return self.number == self.total
+
+
+ProgressCallback = Callable[[FitProgress], None]
+OnStep = Callable[[Step], None]
+
+
+def ignore_progress(progress: FitProgress) -> None:
+    """A ProgressCallback that does nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitData:
+    """Demonstrations to learn from, and how they are split to choose a weight.
+
+    decisions: all of them; validation: empty where there is one episode, which is all of training.
+    initial_weights: (F,) where SERD starts, None for the start in two stages.
+    """
+
+    problem: NavigationProblem
+    settings: RecipeSettings
+    decisions: Decisions
+    training: Decisions
+    validation: Decisions
+    rng: np.random.Generator
+    initial_weights: FloatArray | None = None
+    on_progress: ProgressCallback = ignore_progress
+    # A fit for every candidate weight starts from the same weights.
+    _starts: dict[Decisions, FloatArray] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def reward_prior(self) -> Prior:
+        """Keeps reward weights finite where few demonstrations show one action only."""
+        return GaussianPrior(self.settings.reward_deviation, Block.REWARD)
+
+    def estimate(self, decisions: Decisions) -> FloatArray:
+        """(M, K) M-estimate of the dynamics."""
+        return estimate_dynamics(self.problem, decisions, self.settings.pseudo_count)
+
+    def start_dynamics(self, decisions: Decisions) -> FloatArray:
+        """(M, K) where SERD starts: the M-estimate, and where actions are hidden its substitute."""
+        if decisions.hidden.any():
+            return dynamics_of_hidden_actions(self.problem, decisions)
+        return self.estimate(decisions)
+
+    def start(self, decisions: Decisions, on_step: OnStep | None) -> FloatArray:
+        """(F,) reward weights SERD starts from; on_step: called after each step of the search."""
+        if self.initial_weights is not None:
+            return self.initial_weights
+        if decisions not in self._starts:
+            self._starts[decisions] = weights_under_initial_dynamics(
+                self.problem, decisions, dynamics=self.start_dynamics(decisions), on_step=on_step
+            )
+        return self._starts[decisions]
+
+    def reporter(
+        self, number: int = 1, total: int = 1, prior_weight: float | None = None
+    ) -> OnStep:
+        """What one fit calls after each step."""
+        n_features = len(self.problem.feature_names)
+        return lambda step: self.on_progress(
+            FitProgress(number, total, prior_weight, step, n_features)
+        )
+
+
+def fit_data(
+    problem: NavigationProblem,
+    decisions: Decisions,
+    settings: RecipeSettings,
+    rng: np.random.Generator,
+    initial_weights: FloatArray | None = None,
+    on_progress: ProgressCallback = ignore_progress,
+) -> FitData:
+    """Split the episodes at random; a single one is not split."""
+    parts = decisions, decisions.select_episodes([])
+    if len(decisions.episodes) > 1:
+        parts = split_episodes(decisions, settings.validation_share, rng)
+    return FitData(problem, settings, decisions, *parts, rng, initial_weights, on_progress)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +179,12 @@ def mdce_serd_evidence(data: FitData) -> MethodResult:
 
 def mdce_serd_coupled(data: FitData) -> MethodResult:
     """MDCE SERD, belief coupled to the truth."""
-    return _with_best_weight(data, _fit_coupled, "KLD between belief and truth")
+
+    def fit(data: FitData, decisions: Decisions, weight: float, on_step: OnStep) -> FitResult:
+        prior = _uniform_on_both(data)
+        return _fit_serd(data, decisions, CoupledBelief(weight), prior, on_step)
+
+    return _with_best_weight(data, fit, "KLD between belief and truth")
 
 
 def mdce_serd_free(data: FitData) -> MethodResult:
@@ -228,13 +341,6 @@ def _with_best_weight(
     found = fit(data, data.decisions, weight, data.reporter(number, number, weight))
     words = f"{prior}, weight {weight:g} ({how}); {_serd_prior(data)}"
     return MethodResult(found, words, weight, validation)
-
-
-def _fit_coupled(
-    data: FitData, decisions: Decisions, prior_weight: float, on_step: OnStep
-) -> FitResult:
-    prior = _uniform_on_both(data)
-    return _fit_serd(data, decisions, CoupledBelief(prior_weight), prior, on_step)
 
 
 def _fit_serd(

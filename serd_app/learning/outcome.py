@@ -11,7 +11,7 @@ from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
 from serd_core.arrival.arriving_policy import least_time_policy, trap_states
 from serd_core.arrival.chain import goal_mask, policy_chain, probability_of_ever_arriving
-from serd_core.demonstrations.decisions import Decisions
+from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
@@ -87,7 +87,8 @@ def learned_traps(
 class FitOutcome:
     """A fit and the model file that keeps it.
 
-    problem: what the method learned on: its decisions take time, or all the same. durations: what
+    problem: what the method learned on: its decisions take time, or all the same. decisions: those
+    that it learned from, of all that the recipe was given. durations: what
     was found about dwell times, in sentences. prior_weight: the weight it used, None for methods
     without; validation: log-likelihood per validation decision of each candidate weight, empty
     where none was chosen. knowledge: None where the fit has no posterior. scenario_yaml: see
@@ -98,6 +99,7 @@ class FitOutcome:
     model: ModelFile
     traps: LearnedTraps
     problem: NavigationProblem
+    decisions: TimedDecisions
     prior_weight: float | None = None
     validation: tuple[tuple[float, float], ...] = ()
     knowledge: Knowledge | None = None

@@ -10,17 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from serd_app.demonstrations.flow_field import load_flow
+from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
-from serd_app.learning.fit_data import FitData, ProgressCallback, fit_data, ignore_progress
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import MethodResult, fit_by
+from serd_app.learning.methods import ProgressCallback, fit_by, fit_data, ignore_progress
 from serd_app.learning.outcome import FitOutcome, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws
+from serd_core.bayes.laplace import PosteriorDraws, laplace_draws
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
@@ -32,9 +31,6 @@ from serd_files.model_file import LearnedDynamics, model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
-#: Methods that learn laws of dwell times together with rewards and outcomes.
-TOGETHER: tuple[MethodName, ...] = ("mdce_serd_evidence",)
-
 
 @dataclass(frozen=True)
 class LearningTask:
@@ -42,12 +38,14 @@ class LearningTask:
 
     problem: its decisions take time. own_flow: whether the flow of people is another than the
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
+    left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
     """
 
     problem: NavigationProblem
     scenario: str
     own_flow: bool = False
     scenario_yaml: str = ""
+    left_out: str = ""
 
 
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
@@ -73,12 +71,13 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(decisions, settings)
+    require_enough(decisions, settings, task.left_out)
     rng = np.random.default_rng(settings.seed)
     problem = _problem_of(task.problem, settings.method, decisions)
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
-    posterior, draws = _posterior_of(data, found)
+    posterior = posterior_of(problem, decisions, found.fit)
+    draws = None if posterior is None else laplace_draws(posterior, rng)
     fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
@@ -97,6 +96,7 @@ def learn(
         ),
         learned_traps(paced, decisions, found.fit.reward_weights, driven),
         problem,
+        decisions,
         found.prior_weight,
         found.validation,
         None if posterior is None else knowledge_of(problem, posterior),
@@ -109,31 +109,22 @@ def _problem_of(
     timed: NavigationProblem, method: MethodName, decisions: TimedDecisions
 ) -> NavigationProblem:
     """What a method learns on: decisions that take time, or all the same."""
-    problem = timed if learns_durations(method, decisions) else timed.by_decisions
-    return problem.with_still_waits if decisions.hidden.any() else problem
+    if decisions.hidden.any():
+        return timed.by_decisions.with_still_waits
+    return timed if method == "mdce_serd_evidence" else timed.by_decisions
 
 
-def _posterior_of(
-    data: FitData, found: MethodResult
-) -> tuple[Laplace | None, PosteriorDraws | None]:
-    """The posterior of a fit and draws from it, None for methods without."""
-    posterior = posterior_of(data.problem, data.decisions, found.fit)
-    return posterior, None if posterior is None else laplace_draws(posterior, data.rng)
-
-
-def require_enough(decisions: Decisions, settings: LearningSettings) -> None:
-    """AppError where there are too few decisions to learn from."""
+def require_enough(decisions: Decisions, settings: LearningSettings, left_out: str = "") -> None:
+    """AppError where there are too few decisions to learn from; left_out: see `LearningTask`."""
     n_decisions = len(decisions)
     if n_decisions < settings.minimum_decisions:
+        besides, fix = f" besides {left_out}", "demonstrate more or name another --goal"
+        if not left_out:
+            besides, fix = "", "demonstrate more"
         raise AppError(
-            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to "
-            f"learn, got {n_decisions}; demonstrate more"
+            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to"
+            f" learn, got {n_decisions}{besides}; {fix}"
         )
-
-
-def learns_durations(method: MethodName, decisions: Decisions) -> bool:
-    """Whether a method learns the laws together with the rewards from such decisions."""
-    return method in TOGETHER and not decisions.hidden.any()
 
 
 def with_still_waits(fit: FitResult) -> FitResult:

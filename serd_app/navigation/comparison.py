@@ -233,7 +233,7 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
     """Compare the prediction from a start area with the episodes."""
     starts = start_distribution(strategy.scenario, start_area)
     law = strategy.law_from(starts)
-    times_s = np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
+    times_s = arrival_times_s(episodes)
     n_arrived = int(np.isfinite(times_s).sum())
     endings = (f"{row.outcome} ({row.reason})" if row.reason else row.outcome for row in episodes)
     band_s = law.quantile_s(BAND[0]), law.quantile_s(BAND[1])
@@ -266,6 +266,11 @@ def compare(strategy: Strategy, start_area: str, episodes: Sequence[EpisodeResul
         transferred=strategy.transferred,
         n_people=strategy.scenario.pedestrians.count,
     )
+
+
+def arrival_times_s(episodes: Sequence[EpisodeResult]) -> FloatArray:
+    """(N,) time of arrival of each episode, inf where it did not arrive."""
+    return np.array([row.time_of_arrival_s if row.arrived else math.inf for row in episodes])
 
 
 def predicted_law(strategy: Strategy, start_area: str) -> ArrivalLaw:

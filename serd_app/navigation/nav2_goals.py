@@ -27,11 +27,7 @@ class Nav2Goals:
     """
 
     def __init__(
-        self,
-        client: Any,
-        make_goal: Callable[[Sequence[Target], float], Any],
-        *,
-        timeout_s: float,
+        self, client: Any, make_goal: Callable[[Sequence[Target], float], Any], *, timeout_s: float
     ) -> None:
         self.state = "no goal"
         self._client, self._make_goal, self._timeout_s = client, make_goal, timeout_s

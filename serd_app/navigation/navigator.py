@@ -226,7 +226,8 @@ class Navigator:
 
     def set_goal(self, x_m: float, y_m: float) -> None:
         """Plan for the cell at a point; SimError where there is none."""
-        self._plan_for(goal_at(self.strategy.scenario, x_m, y_m))
+        scenario = goal_at(self.strategy.scenario, x_m, y_m)
+        self._replace(self._solved(self.model, scenario, self.strategy.file))
 
     def set_model(self, path: str) -> None:
         """Plan by another model file, or by the same one read again; FileError if unusable."""
@@ -242,10 +243,6 @@ class Navigator:
         """(N, 2) the way of the greedy policy from here."""
         state = self.strategy.problem.grid.state_at(observation.x_m, observation.y_m)
         return self.strategy.intended_path_m(state) if state >= 0 else np.zeros((0, 2))
-
-    def _plan_for(self, scenario: Scenario) -> None:
-        """Plan by the model in use, whatever its file holds now."""
-        self._replace(self._solved(self.model, scenario, self.strategy.file))
 
     def _solved(self, path: str, scenario: Scenario, file: ModelFile | None = None) -> Strategy:
         return load_strategy(

@@ -128,9 +128,8 @@ def _polygons_of(path: Path) -> list[shapely.Polygon]:
             f"{path} must hold polygons as WKT or GeoJSON, got an error for them: {reason}; export"
             " them again"
         ) from None
-    polygons = [
-        part for part in _parts(shape) if isinstance(part, shapely.Polygon) and not part.is_empty
-    ]
+    parts = _parts(shape)
+    polygons = [part for part in parts if isinstance(part, shapely.Polygon) and not part.is_empty]
     if not polygons:
         raise FileError(
             f"{path} must hold a polygon, got {shape.geom_type} {'EMPTY' * shape.is_empty}".rstrip()

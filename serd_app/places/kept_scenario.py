@@ -57,19 +57,14 @@ def require_replaceable(beside: Path, text: str) -> None:
         )
 
 
-def scenario_beside(beside: Path, name: str) -> str:
-    """The path of the scenario that is kept beside a file, the name where none is."""
-    file = kept_scenario_file(beside)
-    return str(file) if file.is_file() else name
-
-
 def scenario_of_model(model: Path, name: str) -> str:
     """The scenario that is kept beside a model, or that it names; AppError where it has none."""
-    found = scenario_beside(model, name)
+    file = kept_scenario_file(model)
+    found = str(file) if file.is_file() else name
     if not found:
         raise AppError(
             f"--scenario must be given, for {model} was learned on a fitted grid and there is no"
-            f" {kept_scenario_file(model)}, which 'serd learn' writes where the cells are"
+            f" {file}, which 'serd learn' writes where the cells are"
             " connected; name one, or learn again"
         )
     return found

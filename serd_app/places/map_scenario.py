@@ -19,8 +19,9 @@ from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import yaml_model
 from serd_sim.scenario.cells import cells_with_clearance
 from serd_sim.scenario.grid import cell_area_m, goal_cell, grid_of
+from serd_sim.scenario.place import MOST_CELLS
 from serd_sim.scenario.polygon import contains, edges_of
-from serd_sim.scenario.rules import MOST_CELLS, has_room, require_cell_count
+from serd_sim.scenario.rules import has_room, require_cell_count
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
 
@@ -153,13 +154,15 @@ def grid_scenario(
     cell_m, robot = grid.cell_size_m, RobotSettings()
     radius_m = min(robot.radius_m, cell_m)
     goals = _largest_group(grid, goal_states)
+    boxes = [shapely.Polygon(cell_area_m(grid, int(state))) for state in goals]
+    goal_area = shapely.union_all(boxes)
     rooms = _rooms(grid, area, radius_m)
     try:
         start = _usual_start(start_states, rooms, goals)
         _, start, n_steps = _ends(grid, rooms, int(goals[0]), start)
         text = _text(
             area,
-            (_outline_m(grid, goals), cell_area_m(grid, start)),
+            (rings_m(largest(goal_area))[0], cell_area_m(grid, start)),
             n_steps,
             name=name,
             source="The cells of a grid that was fitted to recordings",
@@ -287,9 +290,3 @@ def _largest_group(grid: Grid, states: IntArray) -> IntArray:
     picture[rows, columns] = True
     labels = label(picture)[0][rows, columns]
     return np.asarray(states[labels == np.argmax(np.bincount(labels))])
-
-
-def _outline_m(grid: Grid, states: IntArray) -> Corners:
-    """The outline of states that lie side by side."""
-    boxes = [shapely.Polygon(cell_area_m(grid, int(state))) for state in states]
-    return rings_m(largest(shapely.union_all(boxes)))[0]

@@ -2,20 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-
-import numpy as np
+from functools import cached_property
 
 from serd_app.learning.knowledge import Knowledge
-from serd_app.navigation.comparison import RecordedTimes
+from serd_app.navigation.comparison import RecordedTimes, arrival_times_s, predicted_law
 from serd_core.arrays import FloatArray
-from serd_core.arrival.arriving_policy import ArrivingPolicy
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions
-from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
-from serd_core.policies.solved_policy import Policy
 from serd_files.table import EpisodeResult
-from serd_sim.scenario.scenario import Scenario
+from serd_sim.drivers.strategy import Strategy
 
 
 @dataclass(frozen=True)
@@ -65,36 +61,33 @@ class ReportInputs:
 
     demonstrations: may be empty, then n_demonstrations is how many there were.
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
-    policy: the one that drove; predicted: its arrival from the area `train`, up to `timeout_s`.
     episodes: empty where it has not driven. knowledge: None where the fit has no posterior.
     forecasts: from chosen starts.
-    driven: where the policy is not the learned one, None where it is everywhere; remarks: on that.
     recorded: times of arrival of the demonstrations, None where they are not known.
     """
 
     title: str
-    scenario: Scenario
-    problem: NavigationProblem
+    strategy: Strategy
     demonstrations: Decisions
     demonstration_tracks_m: tuple[FloatArray, ...] = ()
     fit: FitResult
-    policy: Policy
     episodes: tuple[EpisodeResult, ...]
-    predicted: ArrivalLaw
-    timeout_s: float
     run: RunFacts
     files: tuple[FileLink, ...] = ()
     knowledge: Knowledge | None = None
     forecasts: tuple[Forecast, ...] = ()
     n_demonstrations: int = 0
-    driven: ArrivingPolicy | None = None
-    remarks: tuple[str, ...] = ()
     recorded: RecordedTimes | None = None
+
+    @cached_property
+    def predicted(self) -> ArrivalLaw:
+        """The arrival of the policy from the area `train`, up to the time-out."""
+        return predicted_law(self.strategy, "train")
 
     @property
     def arrival_times_s(self) -> FloatArray:
         """(N,) time of arrival of each episode, inf where it did not arrive."""
-        return np.array([row.time_of_arrival_s if row.arrived else np.inf for row in self.episodes])
+        return arrival_times_s(self.episodes)
 
 
 def in_words(name: str) -> str:

@@ -7,19 +7,18 @@ from typing import Any
 import numpy as np
 
 from serd_app.navigation.comparison import (
-    Starts,
     agreement,
     reasons_against_prediction,
     reasons_text,
+    starts_of,
 )
-from serd_app.report.figures.arrival import measured_curve, time_reaching
-from serd_app.report.inputs import ReportInputs, RunFacts, percent
+from serd_app.navigation.navigator import plan_remarks
+from serd_app.report.charts import measured_curve, time_reaching
+from serd_app.report.inputs import ReportInputs, percent
 from serd_bag.quantities import counted, seconds_in_words
-from serd_core.arrays import BoolArray, IntArray
-from serd_core.arrival.arriving_policy import trap_states
+from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
-from serd_sim.scenario.grid import start_states_of
 
 #: Plain values by name, which `summary_of` describes.
 Summary = dict[str, Any]
@@ -36,27 +35,38 @@ def summary_of(inputs: ReportInputs) -> Summary:
     demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
     is not stated, none where it is.
     """
-    fit, n_given, driven = inputs.fit, inputs.n_demonstrations, inputs.driven
-    recorded, trapped = inputs.recorded, int(trapped_states(inputs).sum())
+    fit, n_given, recorded = inputs.fit, inputs.n_demonstrations, inputs.recorded
+    run, strategy = inputs.run, inputs.strategy
+    n_demonstrations = n_given or len(inputs.demonstrations.episodes)
     return {
-        "n_demonstrations": n_given or len(inputs.demonstrations.episodes),
+        "n_demonstrations": n_demonstrations,
         "n_decisions": fit.n_decisions if n_given else len(inputs.demonstrations),
         "n_compared_decisions": len(inputs.demonstrations),
         **_of_arrival(inputs),
-        "n_trap_states": trapped if driven is None else len(driven.traps.states),
-        "n_least_time_states": 0 if driven is None else int(driven.by_time.sum()),
-        "plan_remarks": inputs.remarks,
+        "n_trap_states": len(strategy.traps.states),
+        "n_least_time_states": int(strategy.by_time.sum()),
+        "plan_remarks": tuple(plan_remarks(strategy)),
         "recorded_times_s": None if recorded is None else tuple(recorded.times_s.tolist()),
-        "no_prediction_because": _reasons_against_prediction(inputs),
+        "no_prediction_because": reasons_against_prediction(
+            n_demonstrations=n_demonstrations,
+            starts=starts_of(strategy, "train"),
+            recorded=recorded,
+            measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
+        ),
         **_of_fit(inputs),
-        **_of_run(inputs.run),
+        "wall_s": {phase.name: phase.wall_s for phase in run.phases},
+        "seeds": dict(run.seeds),
+        "versions": dict(run.versions),
+        "command": run.command,
+        "how": run.how,
+        "finished_at": run.finished_at,
     }
 
 
 def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
     """Of the episodes, beside what is predicted."""
-    episodes = inputs.episodes
-    measured = measured_curve(inputs.arrival_times_s, inputs.timeout_s) if episodes else None
+    episodes, timeout_s = inputs.episodes, inputs.strategy.timeout_s
+    measured = measured_curve(inputs.arrival_times_s, timeout_s) if episodes else None
     times = [row.time_of_arrival_s for row in episodes if row.arrived]
     return {
         "n_episodes": len(episodes),
@@ -72,7 +82,7 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
         "agreement": asdict(agreement(inputs.predicted, inputs.arrival_times_s))
         if episodes
         else None,
-        "timeout_s": inputs.timeout_s,
+        "timeout_s": timeout_s,
         "robot_on_person_contacts": sum(row.robot_on_person for row in episodes),
         "person_on_robot_contacts": sum(row.person_on_robot for row in episodes),
         "wall_contacts": sum(row.robot_on_wall for row in episodes),
@@ -81,7 +91,7 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
 
 def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
     """Of rewards and outcomes."""
-    fit, models = inputs.fit, inputs.problem.model_names
+    fit, models = inputs.fit, inputs.strategy.problem.model_names
     initial = fit.initial_outcome_probabilities.tolist()
     return {
         "converged": bool(fit.converged),
@@ -92,28 +102,6 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
         "outcome_probabilities": dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
         "initial_outcome_probabilities": dict(zip(models, initial, strict=True)),
     }
-
-
-def _of_run(run: RunFacts) -> dict[str, Any]:
-    """What a reader needs to make the same run again."""
-    return {
-        "wall_s": {phase.name: phase.wall_s for phase in run.phases},
-        "seeds": dict(run.seeds),
-        "versions": dict(run.versions),
-        "command": run.command,
-        "how": run.how,
-        "finished_at": run.finished_at,
-    }
-
-
-def _reasons_against_prediction(inputs: ReportInputs) -> tuple[str, ...]:
-    cells = start_states_of(inputs.scenario, inputs.problem.grid, "train")
-    return reasons_against_prediction(
-        n_demonstrations=inputs.n_demonstrations or len(inputs.demonstrations.episodes),
-        starts=Starts(len(cells), int(trapped_states(inputs)[cells].sum())),
-        recorded=inputs.recorded,
-        measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
-    )
 
 
 def headline_of(summary: Summary) -> str:
@@ -166,21 +154,12 @@ def span_in_words(times_s: Sequence[float]) -> str:
     return " to ".join(dict.fromkeys(map(seconds_in_words, (min(times_s), max(times_s)))))
 
 
-def trapped_states(inputs: ReportInputs) -> BoolArray:
-    """(S,) states from which the learned policy does not arrive."""
-    if inputs.driven is not None:
-        traps = inputs.driven.learned_traps
-        return np.asarray(traps.looping | traps.unlikely)
-    problem = inputs.problem
-    return trap_states(problem.grid.neighbours, inputs.policy.greedy, problem.goal_states)
-
-
 def known_decisions(inputs: ReportInputs) -> IntArray:
     """(M,) decisions per outcome model; see `Summary`."""
     if not inputs.n_demonstrations or inputs.knowledge is None:
-        return decisions_per_model(inputs.problem, inputs.demonstrations)
+        return decisions_per_model(inputs.strategy.problem, inputs.demonstrations)
     known = inputs.knowledge.by_model
-    counts = [round(known[name][0].decisions) for name in inputs.problem.model_names]
+    counts = [round(known[name][0].decisions) for name in inputs.strategy.problem.model_names]
     return np.array(counts, dtype=np.int64)
 
 

@@ -13,19 +13,16 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from serd_app.navigation.comparison import Agreement, reasons_text
-from serd_app.report.figures.arrival import draw_comparison, draw_forecasts
-from serd_app.report.figures.maps import draw_gain, draw_policy_map, draw_visitation
-from serd_app.report.figures.outcomes import OUTCOME_LABELS, draw_outcomes
-from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
-from serd_app.report.style import save_figure, svg_bytes
-from serd_app.report.summary import (
-    Summary,
-    headline_of,
-    known_decisions,
-    span_in_words,
-    summary_of,
-    trapped_states,
+from serd_app.report.charts import (
+    OUTCOME_LABELS,
+    draw_comparison,
+    draw_forecasts,
+    draw_outcomes,
 )
+from serd_app.report.inputs import FileLink, Forecast, ReportInputs, in_words, percent
+from serd_app.report.maps import draw_gain, draw_policy_map, draw_visitation
+from serd_app.report.style import save_figure, svg_bytes
+from serd_app.report.summary import Summary, headline_of, known_decisions, span_in_words, summary_of
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.demonstrations.decisions import state_counts
@@ -60,19 +57,14 @@ def write_report(inputs: ReportInputs, directory: Path) -> Reported:
     numbers = json.dumps(summary, indent=2, allow_nan=False)
     atomic_write_text(folder / "summary.json", numbers + "\n")
     page = folder / "report.html"
-    atomic_write_text(page, render_page(inputs, summary, pictures, _links(inputs)))
+    atomic_write_text(page, render_page(inputs, summary, pictures))
     return Reported(page, summary)
-
-
-def _links(inputs: ReportInputs) -> tuple[FileLink, ...]:
-    """The caller's files first; its words win where both describe one file."""
-    given = {link.path for link in inputs.files}
-    return inputs.files + tuple(link for link in _OWN_FILES if link.path not in given)
 
 
 def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     """Maps and charts by their names in the template of the page."""
-    scenario, problem = inputs.scenario, inputs.problem
+    strategy, recorded = inputs.strategy, inputs.recorded
+    scenario, problem = strategy.scenario, strategy.problem
     grid = problem.grid
     found: dict[str, Figure] = {}
     if inputs.knowledge is not None:
@@ -80,18 +72,18 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     if len(inputs.demonstrations):
         visits = state_counts(inputs.demonstrations, grid.n_states)
         found["visitation"] = draw_visitation(scenario, grid, visits, inputs.demonstration_tracks_m)
-    whose = "" if inputs.driven is None else " of the learned policy"
-    policy, traps = inputs.policy, trapped_states(inputs)
+    traps, policy = strategy.driven.learned_traps, strategy.policy
+    trapped, timeout_s = traps.looping | traps.unlikely, strategy.timeout_s
     found["policy"] = draw_policy_map(
-        scenario, grid, policy.value, policy.greedy, problem.goal_states, traps, whose
+        scenario, grid, policy.value, policy.greedy, problem.goal_states, trapped
     )
-    recorded_s = () if inputs.recorded is None else inputs.recorded.times_s
+    recorded_s = () if recorded is None else recorded.times_s
     if inputs.episodes:
         times_s = inputs.arrival_times_s
-        found["arrival"] = draw_comparison(inputs.predicted, times_s, inputs.timeout_s, recorded_s)
+        found["arrival"] = draw_comparison(inputs.predicted, times_s, timeout_s, recorded_s)
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
-        found["forecast"] = draw_forecasts(laws, inputs.timeout_s, recorded_s)
+        found["forecast"] = draw_forecasts(laws, timeout_s, recorded_s)
     used = problem.used_models
     found["outcomes"] = draw_outcomes(
         [problem.model_names[m] for m in used],
@@ -103,13 +95,9 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     return found
 
 
-def render_page(
-    inputs: ReportInputs,
-    summary: Summary,
-    pictures: Mapping[str, bytes],
-    links: tuple[FileLink, ...],
-) -> str:
+def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, bytes]) -> str:
     """The whole page as text; `pictures` are SVG bytes by figure name."""
+    problem = inputs.strategy.problem
     environment = Environment(
         loader=PackageLoader("serd_app.report"),
         autoescape=True,
@@ -126,8 +114,8 @@ def render_page(
         summary_rows=summary_rows(summary),
         pictures={name: base64.b64encode(svg).decode() for name, svg in pictures.items()},
         outcome_labels=OUTCOME_LABELS,
-        models=[inputs.problem.model_names[m] for m in inputs.problem.used_models],
-        links=links,
+        models=[problem.model_names[m] for m in problem.used_models],
+        links=inputs.files + _OWN_FILES,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
     )
@@ -135,12 +123,17 @@ def render_page(
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The summary table: names and values as text."""
+    recorded, times_s = [], summary["recorded_times_s"]
+    if times_s:
+        recorded = [
+            ("Recorded arrivals", f"{len(times_s)} of them, after {span_in_words(times_s)}")
+        ]
     return [
         (
             "Demonstrations",
             f"{summary['n_demonstrations']} with {counted(summary['n_decisions'], 'decision')}",
         ),
-        *_recorded_rows(summary),
+        *recorded,
         *_arrival_rows(summary),
         ("Trap states", str(summary["n_trap_states"])),
         *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary["plan_remarks"]),
@@ -151,13 +144,6 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
             f" {summary['objective']:.2f}",
         ),
     ]
-
-
-def _recorded_rows(summary: Summary) -> list[tuple[str, str]]:
-    times_s = summary["recorded_times_s"]
-    if not times_s:
-        return []
-    return [("Recorded arrivals", f"{len(times_s)} of them, after {span_in_words(times_s)}")]
 
 
 def _arrival_rows(summary: Summary) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from serd_bag.command.commands import Page, convert_bags, recover_bags, show_checks, show_contents
+from serd_bag.errors import printable
 from serd_bag.files import atomic_write_text
 from serd_bag.formats.mcap.writer import Compression
 from serd_bag.quantities import counted
@@ -175,16 +176,16 @@ class RichScreen:
         the colours of their styles; remarks on stderr."""
         console.print(Text(page.heading), soft_wrap=True)
         shown = RichTable()
-        for number, name in enumerate(page.table.columns):
-            if number in page.table.texts:
+        for number, name in enumerate(page.columns):
+            if number in page.texts:
                 shown.add_column(name, overflow="fold", min_width=_LEAST_TEXT_WIDTH)
             else:
                 shown.add_column(name, justify="right", no_wrap=True)
-        for row in page.table.rows:
-            shown.add_row(*row)
+        for row in page.rows:
+            shown.add_row(*map(printable, row))
         console.print(shown)
-        for line in page.lines:
-            console.print(Text(line.text, style=_COLOURS[line.style]), soft_wrap=True)
+        for style, sentence in page.lines:
+            console.print(Text(printable(sentence), style=_COLOURS[style]), soft_wrap=True)
         for remark in page.remarks:
             progress_console.print(remark, style="yellow", soft_wrap=True)
 

@@ -77,7 +77,7 @@ def demos(
 ) -> None:
     """Parse the options, make the table and print what it holds."""
     require_suffix(output, ".csv")
-    from serd_app.demonstrations.recorded import files_beside
+    from serd_app.demonstrations.decision_table import files_beside
     from serd_app.journeys.demonstrate import PlaceChoice, demonstrate
     from serd_cli.output.demonstrations import print_demonstrated, values_of
     from serd_cli.output.terminal import console, print_json

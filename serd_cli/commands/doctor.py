@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import typer
 
-from serd_bag.recorder_settings import RecorderSettings
+from serd_bag.recorder import RecorderSettings
 from serd_cli.errors import FAILED
 from serd_cli.options import AsJson
 from serd_cli.output.terminal import console, facts_table, print_json

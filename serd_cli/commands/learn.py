@@ -65,7 +65,7 @@ def learn(
         fix = "of a bag 'serd demos' makes one"
         raise UsageError(f"TABLE must be a table of decisions, got {table}; {fix}")
     require_suffix(output, ".yaml", ".yml")
-    from serd_app.demonstrations.recorded import files_beside
+    from serd_app.demonstrations.decision_table import files_beside
     from serd_app.journeys.learn import learn_from_table
     from serd_app.learning.outcome import outcome_files
     from serd_cli.output.fit import fit_progress, learned_values, print_learned

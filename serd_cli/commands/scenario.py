@@ -66,7 +66,7 @@ def show(
 
     In metres: walls, cells, start areas, the goal, and the loops that people walk.
     """
-    from serd_app.report.pictures import save_plan
+    from serd_app.report.maps import save_plan
 
     loaded = load_scenario(scenario)
     picture = output or Path(f"{Path(scenario).stem}.png")

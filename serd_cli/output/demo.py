@@ -14,8 +14,7 @@ from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import episodes_reaching, until_goal
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.comparison import predicted_law, recorded_times
-from serd_app.navigation.navigator import plan_remarks
+from serd_app.navigation.comparison import recorded_times
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.summary import headline_of
 from serd_app.report.write import summary_rows, write_report
@@ -73,15 +72,11 @@ def report_inputs(
     goals = strategy.problem.goal_states
     return ReportInputs(
         title=f"Learning to navigate: {scenario.name}",
-        scenario=scenario,
-        problem=strategy.problem,
+        strategy=strategy,
         demonstrations=decisions,
         demonstration_tracks_m=recorded_tracks_m(folder.bag),
         fit=fit_of_file(strategy.file, strategy.problem, load_trace(folder.learning)),
-        policy=strategy.policy,
         episodes=folder.episodes(folder.navigation),
-        predicted=predicted_law(strategy, "train"),
-        timeout_s=settings.timeout_s,
         run=RunFacts(
             command=shlex.join(["serd", *sys.argv[1:]]),
             how=f"ROS 2 nodes in lock-step, {scenario.pedestrians.count} pedestrians",
@@ -92,8 +87,6 @@ def report_inputs(
         ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
-        driven=strategy.driven,
-        remarks=tuple(plan_remarks(strategy)),
         recorded=recorded_times(
             strategy, until_goal(decisions, goals), episodes_reaching(decisions, goals)
         ),

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from serd_app.demonstrations.decision_table import FlowField
 from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, OFF_GRID, joined_reports
-from serd_app.demonstrations.flow_field import FlowField
-from serd_app.demonstrations.recorded import RecordedDemonstrations
 from serd_app.drives.mapping import GAP, GOAL, STOP, TURN
 from serd_app.drives.recording import Recording
-from serd_app.journeys.demonstrate import Demonstrated
+from serd_app.journeys.demonstrate import Demonstrated, RecordedDemonstrations
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, progress_console, table_of
 from serd_core.arrays import IntArray

@@ -9,13 +9,14 @@ from typing import Any
 from rich.table import Table
 
 from serd_app.journeys.learn import Learned
-from serd_app.learning.fit_data import FitProgress, ProgressCallback
 from serd_app.learning.knowledge import Certainty, knowledge_lines
 from serd_app.learning.learning_files import LearningFiles
+from serd_app.learning.methods import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_app.report.inputs import in_words
 from serd_bag.quantities import counted
 from serd_cli.output.terminal import console, finite, progress_console, table_of
+from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Outcome
 
 
@@ -37,7 +38,7 @@ def print_learned(learned: Learned) -> None:
     files, outcome, certainty = learned.files, learned.outcome, learned.certainty
     if learned.missing:
         progress_console.print(learned.missing, soft_wrap=True)
-    console.print(_learned_from(files), soft_wrap=True)
+    console.print(_learned_from(files, outcome.decisions), soft_wrap=True)
     table = table_of("Reward weights", "feature", ("weight", "standard error"))
     for row, name in enumerate(outcome.fit.feature_names):
         error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
@@ -63,9 +64,8 @@ def print_learned(learned: Learned) -> None:
         console.print(f"report: {learned.page}", soft_wrap=True)
 
 
-def _learned_from(files: LearningFiles) -> str:
-    decisions = files.decisions
-    left_out = f", {files.left_out()} left out" if files.left_out() else ""
+def _learned_from(files: LearningFiles, decisions: TimedDecisions) -> str:
+    left_out = f", {files.task.left_out} left out" if files.task.left_out else ""
     across = ", so every move is across it" if files.flow_from == "none" else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
     return (

@@ -67,11 +67,10 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
-    """assumed: sentences about assumptions and rows that were left out; n_bad: number of these."""
+    """assumed: sentences about assumptions and rows that were left out."""
 
     tracks: tuple[Track, ...]
     assumed: tuple[str, ...] = ()
-    n_bad: int = 0
 
 
 def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> Trajectories:
@@ -84,7 +83,7 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     points, contradictions = _first_of_each_time(path, rows, _candidates(cells, columns))
     points, own_clocks = _on_one_clock(points)
     assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
-    points, strays, n_strays = _without_strays(points)
+    points, strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
     tracks = _tracks(points, rows, _kinds(cells))
     if not tracks:
@@ -93,7 +92,7 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     if len(rows.bad):
         others = _and_others(len(rows.bad))
         left_out.append(f"row {rows.bad[0] + 1} lacks a number of time, x or y{others}; left out")
-    return Trajectories(tracks, tuple(left_out), len(rows.bad) + n_strays)
+    return Trajectories(tracks, tuple(left_out))
 
 
 def _no_agents(path: Path, rows: Rows) -> FileError:
@@ -232,8 +231,8 @@ def _steps(points: "pd.DataFrame") -> tuple[Any, Any, Any, Any]:
     return same, moved_m, step.time_s, same & (moved_m > _JUMP_M) & (speed_mps > fastest_mps)
 
 
-def _without_strays(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, ...], int]:
-    """Return the points that are kept, and a sentence about those that are not and their number.
+def _without_strays(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, ...]]:
+    """Return the points that are kept, and a sentence about those that are not.
 
     Left out between jumps: a few rows, or any number at one place, as -999 or 0 for a lost agent.
     """
@@ -244,12 +243,12 @@ def _without_strays(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, 
     short = piece.map(few)
     stray = short & ~short.groupby(points.agent).transform("all")
     if not stray.any():
-        return points, (), 0
+        return points, ()
     sentence = (
         f"row {points.row[stray].min() + 1} lies away from where its agent is before and after"
         f"{_and_others(int(stray.sum()))}; left out"
     )
-    return points[~stray], (sentence,), int(stray.sum())
+    return points[~stray], (sentence,)
 
 
 def _divided(

@@ -13,7 +13,7 @@ from rclpy.publisher import Publisher
 
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.formats.rosbag2.qos import profile_to_offer
-from serd_bag.playback import Excerpt, Playback, UntilDamage
+from serd_bag.playback import Excerpt, Playback
 from serd_bag.reader import BagReader
 from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
@@ -87,10 +87,9 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             publisher.wait_for_all_acked(_CONFIRMED_WITHIN)
 
     def _from_the_beginning(self) -> Playback:
-        self._sound = UntilDamage(self._excerpt.messages(self._reader))
-        playback = Playback(self._sound, rate=self.config.rate)
-        if self._sound.damage:
-            raise NodeError(self._sound.damage)
+        playback = Playback(self._excerpt.messages(self._reader), rate=self.config.rate)
+        if playback.damage:
+            raise NodeError(playback.damage)
         if playback.finished:
             raise NodeError(
                 f"bag {self.config.bag} must hold a message to play, got none from"
@@ -131,14 +130,14 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             return
         playback = self._playback
         state = "finished" if playback.finished else "playing"
-        damage = self._sound.damage
+        damage = self._playback.damage
         values = {"messages": self._n_sent, "rate": self.config.rate, "bag": self.config.bag}
         level = ERROR if damage else OK
         self.report(self._bag_time_s(), values, level=level, message=damage or state)
 
     def _end(self) -> None:
         """All sound messages have been played; a damaged bag ends the node with the damage."""
-        damage = self._sound.damage
+        damage = self._playback.damage
         if self.config.loop and not damage:
             self._playback = self._from_the_beginning()
             return

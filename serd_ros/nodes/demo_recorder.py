@@ -17,8 +17,7 @@ from std_srvs.srv import Trigger
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
-from serd_bag.recorder import BagRecorder
-from serd_bag.recorder_settings import RecorderSettings
+from serd_bag.recorder import BagRecorder, RecorderSettings
 from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time

@@ -12,10 +12,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from serd_app.demonstrations.decision_table import Place, save_learnable
 from serd_app.demonstrations.discretise import demonstrations_of_bag
-from serd_app.demonstrations.recorded import Place, save_learnable
 from serd_app.learning.checkpoint import FitWorker, LearnerMemory
-from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough, task_in
 from serd_app.learning.settings import LearningSettings

@@ -34,7 +34,7 @@ from serd_ros.settings import WatchPageConfig
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
-from serd_sim.world.observation import NO_PEOPLE, Observation, Pose, make_observation
+from serd_sim.world.observation import NO_PEOPLE, Observation, Pose
 from serd_sim.world.waypoint import Waypoint, waypoint_of_intent
 
 _PERIOD_S = 0.05
@@ -173,7 +173,7 @@ class WatchView(PageView):
 
     def _observed(self, time_ns: int, pose: Pose) -> Observation:
         time_s = time_ns * 1e-9
-        return make_observation(
+        return Observation(
             time_s=time_s,
             tick=round(time_s / self._scenario.control_period_s),
             pose=pose,

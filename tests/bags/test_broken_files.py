@@ -12,6 +12,7 @@ from serd_bag.reader import BagReader
 from serd_bag.writer import BagWriter
 from support.bag_messages import POSE
 from support.damaged_files import write_wrong
+from support.mcap_files import records
 
 
 def read(path, tolerant):
@@ -20,11 +21,7 @@ def read(path, tolerant):
 
 
 def record_starts(content):
-    offset, starts = len(MAGIC), []
-    while offset < len(content) - len(MAGIC):
-        starts.append(offset)
-        offset += RECORD_HEAD.size + RECORD_HEAD.unpack_from(content, offset)[1]
-    return [*starts, offset]
+    return [start - RECORD_HEAD.size for _, start in records(content)]
 
 
 @pytest.fixture(params=["none", "zstd"])
@@ -52,7 +49,7 @@ def test_a_file_cut_anywhere_gives_the_first_messages_and_reports_damage(whole):
 def test_wrong_bytes_are_detected_or_harmless_and_a_bit_costs_its_chunk_alone(whole):
     path, content, messages = whole
     rng = np.random.default_rng(5)
-    heads = np.concatenate([np.arange(start, start + 9) for start in record_starts(content)[:-1]])
+    heads = np.concatenate([np.arange(start, start + 9) for start in record_starts(content)])
     places = np.concatenate([heads, rng.integers(len(content), size=200)])
     changes = [(place, bytes([content[place] ^ 1 << rng.integers(8)])) for place in places]
     changes += [  # as power loss leaves them
@@ -101,21 +98,29 @@ def test_no_bytes_at_all_crash_the_reader(tmp_path_factory, tail, head):
 
 
 @pytest.mark.parametrize(
-    ("content", "message"),
+    ("name", "content", "message"),
     [
-        (b"", "the file is empty"),
-        (b"SQLite format 3\0" * 10, "an MCAP file begins with"),
-        (MAGIC, "the recording was cut off here"),
-        (MAGIC + b"\0" * 1000, "no record begins with"),
-        (MAGIC + b"\xff" * 1000, "the file ends within a record"),
-        (MAGIC + MAGIC, "the recording was cut off here"),
+        ("file.mcap", b"", "the file is empty"),
+        ("file.mcap", b"SQLite format 3\0" * 10, "an MCAP file begins with"),
+        ("file.mcap", MAGIC, "the recording was cut off here"),
+        ("file.mcap", MAGIC + b"\0" * 1000, "no record begins with"),
+        ("file.mcap", MAGIC + b"\xff" * 1000, "the file ends within a record"),
+        ("file.mcap", MAGIC + MAGIC, "the recording was cut off here"),
+        ("file.db3", b"", "no such table"),
+        ("file.db3", bytes(9000), "not a database"),
+        ("file.db3", b"SQLite format 3\0" + bytes(9000), "the database"),
+        ("file.bag", b"", "seems to be empty; record it again$"),
+        ("file.bag", b"#ROSBAG V1.2\n", "Bag version 102 is not supported"),
+        ("file.bag", b"#ROSBAG V2.0\n", "; 'rosbag reindex' of ROS 1 may repair it$"),
     ],
 )
-def test_a_file_that_is_no_recording_raises(tmp_path, content, message):
-    path = tmp_path / "file.mcap"
+def test_a_file_that_is_no_recording_raises(tmp_path, name, content, message):
+    path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(BagError, match=message):
         read(path, False)
+    found, damage = read(path, True)
+    assert (found, bool(damage)) == ([], True)
 
 
 @pytest.mark.parametrize(
@@ -145,8 +150,11 @@ def test_a_bag_with_broken_or_without_metadata_is_read_and_reported(small_bag, t
 def test_missing_and_foreign_files_raise(small_bag, tmp_path):
     folder = small_bag()
     (folder / "small_0.mcap").rename(folder / "other_0.mcap")
-    (tmp_path / "empty").mkdir()
+    for name in ("empty", "ros_1"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "ros_1" / "old.bag").touch()
     for path, sentence in (
+        (tmp_path / "ros_1", "holds bags of ROS 1; give each of them, as .*/ros_1/old.bag"),
         (folder, r"lists small_0.mcap, which is missing"),
         (tmp_path / "nowhere", r"must be a folder or a .mcap, .db3 or .bag file"),
         (tmp_path / "empty", r"must hold .mcap or .db3 files, got none"),

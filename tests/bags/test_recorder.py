@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 
 import pytest
 
@@ -71,14 +72,18 @@ def test_a_failed_write_is_reported_and_what_was_written_stays(
         recorder.poll()
         return written
 
-    def refuse(*_):
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
+    real, sizes = os.write, [20]
+
+    def fill(descriptor, block):
+        if not sizes:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return real(descriptor, bytes(block)[: sizes.pop()])
 
     assert write(1)
     with monkeypatch.context() as patched:
-        patched.setattr(os, "write", refuse)
+        patched.setattr(os, "write", fill)
         write(2)
-    assert recorder.status.problem.startswith("cannot write")
+    assert re.match("cannot write .*: the disk is full; free some space", recorder.status.problem)
     assert (recorder.status.n_messages, recorder.status.n_lost) == (1, 1)
     assert not write(3)
     recorder.close()

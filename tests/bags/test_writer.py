@@ -102,27 +102,6 @@ def test_wrong_use_raises(tmp_path, wrong, sentence):
             wrong(writer)
 
 
-def test_a_full_disk_keeps_what_was_written_before(tmp_path, messages, monkeypatch):
-    writer = BagWriter(tmp_path / "bag")
-    writer.add_topic("/robot_pose", POSE)
-    writer.write("/robot_pose", messages.pose(1.0, 0.0, 0.0), 10**9)
-    writer.flush()
-    writer.write("/robot_pose", messages.pose(2.0, 0.0, 0.0), 2 * 10**9)
-    real, sizes = os.write, [20]
-
-    def fill(descriptor, block):
-        if not sizes:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return real(descriptor, bytes(block)[: sizes.pop()])
-
-    monkeypatch.setattr(os, "write", fill)
-    with pytest.raises(BagError, match="the disk is full; free some space"):
-        writer.flush()
-    writer.abandon()
-    reader = BagReader(tmp_path / "bag", tolerant=True)
-    assert [message.log_time_ns for message in reader.messages()] == [10**9]
-
-
 def test_a_disk_that_fills_up_at_a_split_leaves_a_bag_that_can_be_read(
     tmp_path, messages, monkeypatch
 ):

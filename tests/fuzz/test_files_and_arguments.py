@@ -12,9 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lab.experiments.study.settings import YAML, study_settings
-from serd_app.demonstrations.decision_table import load_decisions, save_decisions
-from serd_app.demonstrations.flow_field import FlowField, load_flow, save_flow
-from serd_app.demonstrations.recorded import DemonstrationRecord
+from serd_app.demonstrations.decision_table import (
+    DemonstrationRecord,
+    FlowField,
+    load_decisions,
+    load_flow,
+    save_decisions,
+    save_flow,
+)
 from serd_app.drives.mapping import BagMapping
 from serd_app.journeys.navigate import BegunDrive
 from serd_app.learning.checkpoint import LearnerCheckpoint

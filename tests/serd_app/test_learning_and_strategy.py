@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from serd_app.demonstrations.decision_table import FlowField, save_flow
 from serd_app.demonstrations.discretise import demonstrations_of_bag
-from serd_app.demonstrations.flow_field import FlowField, save_flow
 from serd_app.learning.checkpoint import LearnerMemory
-from serd_app.learning.fit_data import FitProgress
+from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import fit_of_file, learned_traps
 from serd_app.learning.recipe import learn, task_in
 from serd_core.arrival.arriving_policy import trap_states
@@ -92,20 +92,16 @@ def test_a_model_file_gives_the_fit_back_and_a_policy_that_leads_to_the_goal(out
 
 def test_a_task_takes_the_flow_of_a_table_in_place_of_the_scenario_s(tmp_path):
     grid, own = grid_of(HALLWAY), task_in(HALLWAY, CONFIG.discount)
-    turned = np.roll(own.problem.flow, 1)
-    zeros = np.zeros((grid.n_states, 2))
-    count = np.zeros(grid.n_states, dtype=int)
-    save_flow(tmp_path / "flow.csv", grid, FlowField(turned, zeros, zeros[:, 0], count))
+    turned, zeros = np.roll(own.problem.flow, 1), np.zeros((grid.n_states, 2), dtype=int)
+    save_flow(tmp_path / "flow.csv", grid, FlowField(turned, zeros, *zeros.T))
     found = task_in(HALLWAY, CONFIG.discount, str(tmp_path / "flow.csv"))
     assert (found.own_flow, own.own_flow) == (True, False)
     assert found.problem.flow.tolist() == turned.tolist()
 
 
 def first_episodes(number):
-    everything = demonstrations_of_bag(
-        SHIPPED, grid_of(HALLWAY), HALLWAY.patience_s, HALLWAY.wait_s
-    )[0]
-    table = everything
+    times_s = HALLWAY.patience_s, HALLWAY.wait_s
+    table, _ = demonstrations_of_bag(SHIPPED, grid_of(HALLWAY), *times_s)
     return table.select_episodes(table.episodes[:number])
 
 

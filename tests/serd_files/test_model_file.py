@@ -14,6 +14,7 @@ from serd_files.model_file import (
     ModelFile,
     OutcomeModel,
     load_model,
+    require_grid,
 )
 from serd_files.yaml_config import save_yaml_model
 
@@ -63,7 +64,8 @@ def test_a_model_survives_a_round_trip_with_its_draws_and_paces(tmp_path):
     )
     saved = model(draws=draws, pace=(1 / 3, 1.0, 1.0, 0.5, 2.0, 1.0))
     save_yaml_model(tmp_path / "model.yaml", saved)
-    loaded = load_model(tmp_path / "model.yaml", expected_grid=GRID)
+    loaded = load_model(tmp_path / "model.yaml")
+    require_grid("model.yaml", loaded, GRID)
     assert loaded == saved
     assert loaded.feature_names == ("goal", "social_norm")
     assert loaded.weights.tolist() == [1 / 3, -1e-5]
@@ -124,11 +126,10 @@ def test_draws_and_paces_that_do_not_fit_the_model_are_rejected(make, changes, s
         ({"walkable": np.eye(2, 3) == 0}, "n_states 6 there, 4 here"),
     ],
 )
-def test_a_model_of_another_grid_is_refused_with_the_difference(tmp_path, changes, difference):
-    save_yaml_model(tmp_path / "model.yaml", model())
+def test_a_model_of_another_grid_is_refused_with_the_difference(changes, difference):
     other = dataclasses.replace(GRID, **changes)
     with pytest.raises(FileError, match=f"was made for another grid .*{difference}"):
-        load_model(tmp_path / "model.yaml", expected_grid=other)
+        require_grid("model.yaml", model(), other)
 
 
 @pytest.mark.parametrize(

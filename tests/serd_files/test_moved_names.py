@@ -3,6 +3,7 @@
 import pytest
 
 from serd_app.drives.mapping import BagMapping, TableMapping
+from serd_app.journeys.navigate import BegunDrive
 from serd_bag.errors import FileError
 from serd_cli.app import make_app, run
 from serd_files.yaml_config import model_yaml, yaml_model
@@ -44,6 +45,7 @@ def test_a_parameter_says_where_it_went():
         ("decision_period_s: 2.0", Scenario, "may have patience_s and wait_s instead"),
         ("button_topic: joy", BagMapping, "goal_area_m and stop_s cut episodes"),
         ("people: people.csv", TableMapping, "one table holds robot and people"),
+        ("planner: teb", BegunDrive, "there is one local planner; delete the key"),
     ],
 )
 def test_a_key_says_where_it_went(key, model_class, went):

@@ -158,7 +158,6 @@ def test_a_line_cut_short_is_dropped_from_the_file_which_goes_on(tmp_path, n_who
     ("name", "content", "sentence"),
     [
         ("rows.csv", b"a,b\n1,2\n", "has no column 'episode'; choose another"),
-        ("rows.csv", b"one line of mine", "has no column 'episode'; choose another file"),
         ("rows.csv", b"name", "has no column 'episode'; choose another file"),
         ("rows.parquet", b"", "must end in .csv, got .*rows.parquet; rename it to rows.csv"),
     ],

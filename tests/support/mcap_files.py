@@ -3,16 +3,20 @@
 Named as in the conformance tests of the format: what a file holds, and which optional parts it has.
 """
 
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Sequence
 from enum import Flag, auto
 from functools import reduce
 from io import BytesIO
 from operator import or_
+from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import CompressionType, IndexType, Writer
 
 _EXTRA = b"\x01\xff\xff"
@@ -139,3 +143,42 @@ def encoded(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return bytes(builder.end())
+
+
+def records(content: bytes) -> Iterator[tuple[int, int]]:
+    """(opcode, where its content begins) of each record of a file."""
+    offset = MAGIC_SIZE
+    while offset < len(content) - MAGIC_SIZE:
+        opcode, length = struct.unpack_from("<BQ", content, offset)
+        yield opcode, offset + 9
+        offset += 9 + length
+
+
+def write_official(path: Path, channels: Sequence[str], n_messages: int, **options: Any) -> list:
+    """Write a file with the official writer; returns log time, publish time, data of its messages.
+
+    Messages come on the channels by turns, with an attachment and metadata behind the first five.
+    """
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        numbers = {
+            name: writer.register_channel(name, "cdr", schema) for name in sorted({*channels})
+        }
+        messages = [(n + 1, n, b"\0\1\0\0" + bytes([n]) * 20) for n in range(n_messages)]
+        for number, (log_time, publish_time, data) in enumerate(messages):
+            if number == 5:
+                _add_others(writer)
+            writer.add_message(
+                numbers[channels[number % len(channels)]], log_time, data, publish_time
+            )
+        if n_messages <= 5:
+            _add_others(writer)
+        writer.finish()
+    return messages
+
+
+def _add_others(writer: Writer) -> None:
+    writer.add_attachment(1, 2, "map.yaml", "text/yaml", b"resolution: 0.05")
+    writer.add_metadata("robot", {"name": "one"})

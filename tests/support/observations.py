@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from serd_sim.world.observation import Observation, make_observation
+from serd_sim.world.observation import Observation
 
 PERIOD_S = 0.05
 
@@ -25,7 +25,7 @@ def observation_at(
     and velocities; people stand by default.
     """
     position = np.asarray(people, dtype=np.float64).reshape(-1, 2)
-    return make_observation(
+    return Observation(
         time_s=tick * PERIOD_S if time_s is None else time_s,
         tick=tick if time_s is None else round(time_s / PERIOD_S),
         pose=(x_m, y_m, yaw_rad),

@@ -21,7 +21,7 @@ from serd_bag.command.commands import (
     show_checks,
     show_contents,
 )
-from serd_bag.errors import FileError
+from serd_bag.errors import FileError, printable
 from serd_bag.standard_output import written_output
 
 INTERRUPTED = 130
@@ -33,8 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     exit_code = 0
     try:
         with written_output():
-            given = _parser().parse_args(arguments)
-            exit_code = _done(given, PlainScreen(as_json=given.json))
+            exit_code = _done(_parser().parse_args(arguments))
     except FileError as error:
         print(f"serd-bag: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -54,27 +53,26 @@ class PlainScreen:
         print(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str))
 
     def show(self, page: Page) -> None:
-        """The table with a line below its head; remarks on stderr."""
+        """The table with a line below its head, then the lines; remarks on stderr."""
         print(page.heading)
-        heads = [column.split("\n") for column in page.table.columns]
-        n_heads = max(map(len, heads))
-        lines = [*zip_longest(*heads, fillvalue=""), *page.table.rows]
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        for number, line in enumerate(lines):
+        heads = list(zip_longest(*(column.split("\n") for column in page.columns), fillvalue=""))
+        rows = [tuple(map(printable, row)) for row in page.rows]
+        widths = [max(map(len, column)) for column in zip(*heads, *rows, strict=True)]
+        ruler = tuple("-" * width for width in widths)
+        for line in (*heads, ruler, *rows):
             cells = (
-                text.ljust(width) if column in page.table.texts else text.rjust(width)
+                text.ljust(width) if column in page.texts else text.rjust(width)
                 for column, (text, width) in enumerate(zip(line, widths, strict=True))
             )
             print(_BETWEEN.join(cells).rstrip())
-            if number == n_heads - 1:
-                print(_BETWEEN.join("-" * width for width in widths))
-        for sentence in page.lines:
-            print(sentence.text)
+        for _, sentence in page.lines:
+            print(printable(sentence))
         for remark in page.remarks:
             print(remark, file=sys.stderr)
 
 
-def _done(given: argparse.Namespace, screen: PlainScreen) -> int:
+def _done(given: argparse.Namespace) -> int:
+    screen = PlainScreen(as_json=given.json)
     if given.command == "info":
         return show_contents(given.bags, screen)
     if given.command == "check":

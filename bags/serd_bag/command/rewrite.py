@@ -17,13 +17,14 @@ from serd_bag.formats.mcap.writer import Compression
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.reader import BagReader
 from serd_bag.topic import CDR
-from serd_bag.writer import BagWriter
+from serd_bag.writer import BagWriter, require_new_folder
 
 
 @dataclass(frozen=True)
 class RewriteReport:
-    """counts: messages per topic; damage: sentences, in order.
+    """The result of `recover` or `convert`.
 
+    counts: messages in the new bag per topic; damage: sentences, in order.
     skipped: topics left out and why; left_out: their messages.
     n_lost: messages known to be lost, None where the bag has no count of them.
     all_lost_known: whether no more than those can be lost.
@@ -50,14 +51,23 @@ class RewriteReport:
 
 
 def recover(source: str | Path, target: str | Path) -> RewriteReport:
-    """Write what is still readable of `source` as a new bag."""
+    """Write what is still readable of a bag as a new bag, uncompressed; `source` stays as it is.
+
+        report = recover("drive", "drive_recovered")
+        print(report.n_messages, report.n_lost)
+
+    target: a folder that is new or empty, else BagError; also where there is no bag.
+    """
     return _rewrite(BagReader(source, tolerant=True, thorough=True), Path(target), "none")
 
 
 def convert(
     source: str | Path, target: str | Path, *, compression: Compression = "none"
 ) -> RewriteReport:
-    """Write any sound bag as an MCAP bag; BagError where `check` finds `source` damaged."""
+    """Write any sound bag as an MCAP bag; arguments and errors are those of `recover`.
+
+    compression: of the chunks. BagError also where `check_bag` finds `source` damaged.
+    """
     return _rewrite(BagReader(source, thorough=True), Path(target), compression)
 
 
@@ -102,8 +112,7 @@ def _new_folder(target: Path) -> Iterator[Path]:
     target = target.resolve()
     with disk_errors("write", target, BagError):
         target.parent.mkdir(parents=True, exist_ok=True)
-        if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise BagError(f"bag folder {target} must be new or empty; choose another name")
+        require_new_folder(target)
         hidden = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
         try:
             filling = hidden / target.name

@@ -10,14 +10,14 @@ files; only without them all is read.
 
 from array import array
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from serd_bag.damage import at_most, missing_messages
+from serd_bag.damage import missing_messages
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
 from serd_bag.formats.mcap.file_end import FileEnd
@@ -25,6 +25,7 @@ from serd_bag.formats.rosbag2.layout import bag_layout
 from serd_bag.formats.rosbag2.message_types import ENCODING, message_type
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import AGREEMENT_S, FloatArray
+from serd_bag.quantities import counted
 from serd_bag.reader import BagReader
 from serd_bag.topic import Topic, nearest_topic, topics_named
 
@@ -51,9 +52,10 @@ _NO_CHECKSUMS = (
 
 @dataclass(frozen=True)
 class TwoClocks:
-    """Stamps against log times. jumps_s: forward above 0; drift_s: over span_s, ahead above 0.
+    """How the clock of a topic's stamps differs from that of the log times.
 
-    offset_s: how far the clock of the stamps is ahead; 0 where it is the same one, jumps or drifts.
+    jumps_s: forward above 0; drift_s: over span_s, ahead above 0; offset_s: how far the clock of
+    the stamps is ahead; 0 where it is the same one, jumps or drifts.
     """
 
     jumps_s: tuple[float, ...] = ()
@@ -64,9 +66,10 @@ class TwoClocks:
 
 @dataclass(frozen=True)
 class TopicCheck:
-    """mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size.
+    """Number, rates, gaps and clocks of the messages of one topic.
 
-    Both are None where there are too few messages.
+    mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size;
+    both are None where there are too few messages.
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
@@ -174,9 +177,10 @@ def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class BagCheck:
-    """faults: why the bag is not sound; remarks: what to know before learning from it.
+    """The result of `check_bag`.
 
-    n_lost: messages that are known to be lost.
+    faults: why the bag is not sound; remarks: what to know before learning from it; n_lost:
+    messages that are known to be lost.
     """
 
     path: Path
@@ -204,9 +208,13 @@ class BagCheck:
 
 
 def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
-    """Read the whole bag; `required`: topics that must have messages.
+    """Read the whole bag and list its faults; `required`: topics that must have messages.
 
-    A name that begins with "/" is one topic, any other a topic of that name in any namespace.
+        check = check_bag("drive", ["robot_pose"])
+        print(check.sound, *check.faults, *check.remarks, sep="\\n")
+
+    Raises BagError where there is no bag. A name that begins with "/" is one topic, any other a
+    topic of that name in any namespace.
     """
     reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
@@ -235,9 +243,15 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
         remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
-    faults, remarks = (at_most(each, MOST_FAULTS) for each in (faults, remarks))
     n_lost = reader.losses.n_messages
-    return BagCheck(Path(path), topics, tuple(faults), tuple(remarks), n_lost)
+    return BagCheck(Path(path), topics, _at_most(faults), _at_most(remarks), n_lost)
+
+
+def _at_most(lines: list[str]) -> tuple[str, ...]:
+    """The first lines; the last one states how many are left out."""
+    if len(lines) <= MOST_FAULTS:
+        return tuple(lines)
+    return (*lines[: MOST_FAULTS - 1], f"{len(lines) - MOST_FAULTS + 1} more are not listed")
 
 
 def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]:
@@ -253,53 +267,42 @@ def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]
 
 
 def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
-    remarks = []
-    for topic in topics:
-        if not topic.n_messages:
-            remarks.append(f"{topic.name}: no message")
-        if topic.n_gaps:
-            gaps = "1 gap" if topic.n_gaps == 1 else f"{topic.n_gaps} gaps"
-            remarks.append(f"{topic.name}: {gaps}, the longest {topic.longest_gap_s:.2f} s")
-        if topic.n_log_steps_back:
-            remarks.append(f"{topic.name}: log time steps back {_times(topic.n_log_steps_back)}")
-        if topic.n_stamp_steps_back:
-            remarks.append(f"{topic.name}: stamps step back {_times(topic.n_stamp_steps_back)}")
-        remarks += [f"{topic.name}: {remark}" for remark in _clock_remarks(topic.clocks)]
-    return remarks + _offset_remarks(topics)
-
-
-def _offset_remarks(topics: Sequence[TopicCheck]) -> list[str]:
-    """Clocks that differ by a constant; that of log times may be the one that differs."""
+    remarks = [f"{topic.name}: {remark}" for topic in topics for remark in _remarks_on(topic)]
+    # Clocks that differ by a constant; that of log times may be the one that differs.
     compared = [topic for topic in topics if topic.clocks.span_s]
-    offsets_s = {each.name: each.clocks.offset_s for each in compared if each.clocks.offset_s}
-    ahead_s = list(offsets_s.values())
-    if len(compared) > 1 and len(ahead_s) == len(compared) and np.ptp(ahead_s) <= AGREEMENT_S:
-        return [
-            f"all stamps are {_ahead(ahead_s[0])} log times: those of another or simulated time"
-        ]
-    return [
-        f"{name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
-        for name, offset_s in offsets_s.items()
+    ahead_s = [topic.clocks.offset_s for topic in compared]
+    if len(compared) > 1 and all(ahead_s) and np.ptp(ahead_s) <= AGREEMENT_S:
+        how_far = _ahead(ahead_s[0])
+        return [*remarks, f"all stamps are {how_far} log times: those of another or simulated time"]
+    return remarks + [
+        f"{topic.name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
+        for topic, offset_s in zip(compared, ahead_s, strict=True)
+        if offset_s
     ]
+
+
+def _remarks_on(topic: TopicCheck) -> Iterator[str]:
+    if not topic.n_messages:
+        yield "no message"
+    if topic.n_gaps:
+        yield f"{counted(topic.n_gaps, 'gap')}, the longest {topic.longest_gap_s:.2f} s"
+    if topic.n_log_steps_back:
+        yield f"log time steps back {_times(topic.n_log_steps_back)}"
+    if topic.n_stamp_steps_back:
+        yield f"stamps step back {_times(topic.n_stamp_steps_back)}"
+    jumps_s, drift_s = topic.clocks.jumps_s, topic.clocks.drift_s
+    if jumps_s:
+        largest_s = max(jumps_s, key=abs)
+        way = "forward" if largest_s > 0 else "back"
+        often = "" if len(jumps_s) == 1 else f" {_times(len(jumps_s))}, the largest"
+        yield f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s"
+    if drift_s:
+        way = "ahead of" if drift_s > 0 else "behind"
+        yield f"stamps run {way} log times by {abs(drift_s):.2f} s in {topic.clocks.span_s:.0f} s"
 
 
 def _ahead(offset_s: float) -> str:
     return f"{abs(offset_s):.2f} s {'ahead of' if offset_s > 0 else 'behind'}"
-
-
-def _clock_remarks(clocks: TwoClocks) -> list[str]:
-    remarks = []
-    if clocks.jumps_s:
-        largest_s = max(clocks.jumps_s, key=abs)
-        way = "forward" if largest_s > 0 else "back"
-        often = "" if len(clocks.jumps_s) == 1 else f" {_times(len(clocks.jumps_s))}, the largest"
-        remarks.append(f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s")
-    if clocks.drift_s:
-        way = "ahead of" if clocks.drift_s > 0 else "behind"
-        remarks.append(
-            f"stamps run {way} log times by {abs(clocks.drift_s):.2f} s in {clocks.span_s:.0f} s"
-        )
-    return remarks
 
 
 def _times(number: int) -> str:
@@ -307,19 +310,18 @@ def _times(number: int) -> str:
 
 
 def _has_header(topic: Topic) -> bool:
+    """Whether messages of the topic begin with a std_msgs/Header."""
     definition = topic.message_type
     if not definition.text:
         try:
             definition = message_type(definition.name)
         except BagError:
             return False
-    return definition.encoding == ENCODING and _begins_with_header(definition.text)
-
-
-def _begins_with_header(text: str) -> bool:
-    fields = (line.split("#")[0].split() for line in text[:_LONGEST_BEGINNING].splitlines())
-    first: list[str] = next((words for words in fields if len(words) >= 2), [])
-    return bool(first) and first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
+    beginning = definition.text[:_LONGEST_BEGINNING]
+    fields = (line.split("#")[0].split() for line in beginning.splitlines())
+    first: list[str] = next((words for words in fields if len(words) >= 2), [""])
+    headers = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
+    return definition.encoding == ENCODING and first[0] in headers
 
 
 def _stamp_ns(data: bytes) -> int:
@@ -331,7 +333,7 @@ def _stamp_ns(data: bytes) -> int:
 
 @dataclass(frozen=True)
 class TopicContents:
-    """mean_hz: messages per second of the whole bag, None for less than two messages."""
+    """One topic of a bag; mean_hz: messages per second of the whole bag, None for less than two."""
 
     name: str
     type_name: str
@@ -341,9 +343,10 @@ class TopicContents:
 
 @dataclass(frozen=True)
 class BagContents:
-    """span_s: from the first log time of the bag to the last; faults: of a bag that was read.
+    """The result of `contents_of_bag`.
 
-    n_lost: messages that are known to be lost.
+    span_s: from the first log time of the bag to the last; faults: of a bag that was read; n_lost:
+    messages that are known to be lost.
     """
 
     path: Path
@@ -359,43 +362,36 @@ class BagContents:
 
 
 def contents_of_bag(path: str | Path) -> BagContents:
-    """The contents; bags other than MCAP, damaged ones and those without summary are read."""
+    """What a bag holds; bags other than MCAP, damaged ones and those without summary are read.
+
+    Raises BagError where there is no bag.
+    """
     path = Path(path)
     layout = bag_layout(path)
-    ends = []
-    for file in layout.files:
-        ends.append(FileEnd(file) if file.suffix == ".mcap" else None)
-        if ends[-1] is None or not ends[-1].states_contents:
-            return _of_all_messages(path)
-    known = [end for end in ends if end is not None]
-    counts = sum((_counts(end) for end in known), Counter[str]())
-    if layout.fault or missing_messages(layout, counts):
-        return _of_all_messages(path)
-    types = {topic.name: topic.type_name for end in known for topic in end.definitions.topics()}
-    filled = [each for end in known if (each := end.statistics) and each.message_count]
-    last_ns = max((each.message_end_time for each in filled), default=0)
-    first_ns = min((each.message_start_time for each in filled), default=0)
-    return _contents(path, {name: (types[name], counts[name]) for name in types},
-                     (last_ns - first_ns) / 1e9)  # fmt: skip
-
-
-def _counts(end: FileEnd) -> Counter[str]:
-    found: Counter[str] = Counter()
-    if end.statistics:
-        for number, count in end.statistics.channel_message_counts.items():
-            found[end.definitions.channels[number].topic] += count
-    return found
-
-
-def _of_all_messages(path: Path) -> BagContents:
-    check = check_bag(path)
-    topics = {topic.name: (topic.type_name, topic.n_messages) for topic in check.topics}
-    return replace(_contents(path, topics, check.span_s), faults=check.faults, n_lost=check.n_lost)
-
-
-def _contents(path: Path, topics: dict[str, tuple[str, int]], span_s: float) -> BagContents:
+    ends = [FileEnd(file) for file in layout.files if file.suffix == ".mcap"]
+    is_stated = len(ends) == len(layout.files) and all(end.states_contents for end in ends)
+    counts: Counter[str] = Counter()
+    types: dict[str, str] = {}
+    stated = [(end.definitions, end.statistics) for end in ends if is_stated and end.statistics]
+    for definitions, statistics in stated:
+        types |= {topic.name: topic.type_name for topic in definitions.topics()}
+        for number, count in statistics.channel_message_counts.items():
+            counts[definitions.channels[number].topic] += count
+    if not is_stated or layout.fault or missing_messages(layout, counts):
+        check = check_bag(path)
+        types = {topic.name: topic.type_name for topic in check.topics}
+        counts = Counter({topic.name: topic.n_messages for topic in check.topics})
+        span_s, faults, n_lost = check.span_s, check.faults, check.n_lost
+    else:
+        filled = [statistics for _, statistics in stated if statistics.message_count]
+        last_ns = max((each.message_end_time for each in filled), default=0)
+        first_ns = min((each.message_start_time for each in filled), default=0)
+        span_s, faults, n_lost = (last_ns - first_ns) / 1e9, (), 0
     rows = (
-        TopicContents(name, kind, count, (count - 1) / span_s if count > 1 and span_s else None)
-        for name, (kind, count) in sorted(topics.items())
+        TopicContents(
+            name, types[name], count, (count - 1) / span_s if count > 1 and span_s else None
+        )
+        for name in sorted(types)
+        for count in [counts[name]]
     )
-    return BagContents(path, tuple(rows), span_s)
+    return BagContents(path, tuple(rows), span_s, faults, n_lost)

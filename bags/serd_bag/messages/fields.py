@@ -6,10 +6,9 @@ Without one, the nearest message with the fields of a pose or of a velocity is t
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
@@ -26,43 +25,37 @@ _DEEPEST = 6
 _Fields = dict[str, tuple[Nodetype, Any]]
 
 
-@dataclass(frozen=True)
-class Shape:
-    """Fields by which a message is recognised, and the paths of the numbers in it.
+class Shape(NamedTuple):
+    """A kind of message that has a pose, velocity or vector, by words with spaces between them.
 
-    types: of the messages inside others that may be taken; empty: any.
+    fields: by which it is recognised; numbers: paths of the numbers in it; types: of geometry_msgs,
+    of the messages inside others that may be taken; empty: any.
     """
 
-    fields: frozenset[str]
-    numbers: tuple[str, ...]
-    types: frozenset[str] = frozenset()
-
-
-def _shape(fields: str, numbers: str, types: str = "") -> Shape:
-    names = frozenset(f"geometry_msgs/msg/{name}" for name in types.split())
-    return Shape(frozenset(fields.split()), tuple(numbers.split()), names)
+    fields: str
+    numbers: str
+    types: str = ""
 
 
 _TURNED = "{0}.x {0}.y {0}.z {1}.x {1}.y {1}.z {1}.w"
 #: x, y, z and quaternion, or x, y and yaw, or x and y.
 POSES = (
-    _shape("position orientation", _TURNED.format("position", "orientation")),
-    _shape("translation rotation", _TURNED.format("translation", "rotation")),
-    _shape("x y theta", "x y theta"),
-    _shape("x y yaw", "x y yaw"),
-    _shape("x y", "x y", types="Point Point32"),
+    Shape("position orientation", _TURNED.format("position", "orientation")),
+    Shape("translation rotation", _TURNED.format("translation", "rotation")),
+    Shape("x y theta", "x y theta"),
+    Shape("x y yaw", "x y yaw"),
+    Shape("x y", "x y", types="Point Point32"),
 )
 #: Forward and left; of a steered vehicle, forward.
 VELOCITIES = (
-    _shape("linear angular", "linear.x linear.y"),
-    _shape("speed steering_angle", "speed"),
+    Shape("linear angular", "linear.x linear.y"),
+    Shape("speed steering_angle", "speed"),
 )
-VECTORS = (_shape("x y", "x y", types="Vector3"),)
+VECTORS = (Shape("x y", "x y", types="Vector3"),)
 
 
-@dataclass(frozen=True)
-class FieldReader:
-    """Reads numbers out of the messages of one topic."""
+class FieldReader(NamedTuple):
+    """Reads numbers out of the messages of one topic, by their paths."""
 
     type_name: str
     store: Typestore
@@ -144,7 +137,11 @@ def _located(
     """Paths of the numbers; empty where there is no message of these shapes."""
     kinds = [_kind(store, type_name, path, key) for path in paths]
     if len(paths) != 1 or not _is_message(kinds[0]):
-        wrong = [path for path, kind in zip(paths, kinds, strict=True) if not _is_number(kind)]
+        wrong = [
+            path
+            for path, (node, detail) in zip(paths, kinds, strict=True)
+            if node != Nodetype.BASE or detail[0] == "string"
+        ]
         if wrong:
             raise BagError(
                 f"{key} of {type_name} must be paths of numbers, or one of a message, got"
@@ -155,9 +152,10 @@ def _located(
     start = (f"{paths[0]}.", kinds[0][1]) if paths else ("", type_name)
     for shape in shapes:
         for prefix, name in _messages_in(store, *start):
-            typed = not shape.types or prefix == start[0] or name in shape.types
-            if typed and shape.fields <= _fields(store, name).keys():
-                return tuple(prefix + number for number in shape.numbers)
+            types = [f"geometry_msgs/msg/{each}" for each in shape.types.split()]
+            typed = not types or prefix == start[0] or name in types
+            if typed and set(shape.fields.split()) <= _fields(store, name).keys():
+                return tuple(prefix + number for number in shape.numbers.split())
     return ()
 
 
@@ -197,10 +195,6 @@ def _fields(store: Typestore, type_name: str) -> _Fields:
 
 def _is_message(kind: tuple[Nodetype, Any]) -> bool:
     return kind[0] == Nodetype.NAME
-
-
-def _is_number(kind: tuple[Nodetype, Any]) -> bool:
-    return kind[0] == Nodetype.BASE and kind[1][0] != "string"
 
 
 def _number(message: Any, path: str) -> float:

@@ -34,8 +34,8 @@ _LONGEST_STEP_S, _STEP_S = 1.0, 0.5
 
 @dataclass(frozen=True, eq=False)
 class SeenPeople:
-    """ids: (N,), empty texts where there are none; position_m, velocity_mps: (N, 3), the latter NaN
-    where the type has none."""
+    """N people of one message; ids: (N,), empty texts where there are none; position_m,
+    velocity_mps: (N, 3), the latter NaN where the type has none."""
 
     header: Header
     ids: tuple[str, ...]
@@ -46,7 +46,12 @@ class SeenPeople:
 def people_of(message: Any) -> SeenPeople:
     """The people in a message of one of the types; BagError for another one."""
     if hasattr(message, "point_step"):
-        return _of_cloud(message)
+        fields = points_of(message, ("x", "y", "vx", "vy"))
+        level = np.zeros_like(fields["x"])
+        position_m, velocity_mps = (
+            np.stack([fields[x], fields[y], level], axis=1) for x, y in (("x", "y"), ("vx", "vy"))
+        )
+        return SeenPeople(header_of(message.header), ("",) * len(level), position_m, velocity_mps)
     try:
         rows = _rows(message)
         return SeenPeople(
@@ -140,15 +145,6 @@ def _rows(message: Any) -> list[tuple[str, Any, Any]]:
         f"people must be a PointCloud2 or a message with {', '.join(_LISTS)}, got"
         f" {type(message).__name__}; name the topic of people in the mapping"
     )
-
-
-def _of_cloud(cloud: Any) -> SeenPeople:
-    fields = points_of(cloud, ("x", "y", "vx", "vy"))
-    level = np.zeros_like(fields["x"])
-    position_m, velocity_mps = (
-        np.stack([fields[x], fields[y], level], axis=1) for x, y in (("x", "y"), ("vx", "vy"))
-    )
-    return SeenPeople(header_of(cloud.header), ("",) * len(level), position_m, velocity_mps)
 
 
 def _is_person(results: Sequence[Any]) -> bool:

@@ -24,7 +24,7 @@ _POINT_KINDS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8
 
 @dataclass(frozen=True)
 class Header:
-    """stamp_ns: 0 where the sender set none."""
+    """A std_msgs/Header; stamp_ns: 0 where the sender set none."""
 
     stamp_ns: int
     frame: str
@@ -91,10 +91,12 @@ def pose_position(data: bytes) -> tuple[int, float, float]:
 
 def transforms(data: bytes, type_name: str, store: Typestore) -> tuple[Transform, ...]:
     """tf2_msgs/TFMessage, or tf/tfMessage of ROS 1."""
-    return tuple(
-        Transform(header_of(each.header), each.child_frame_id, _placed(each.transform))
-        for each in decode(data, type_name, store).transforms
-    )
+    found = []
+    for each in decode(data, type_name, store).transforms:
+        moved, turned = each.transform.translation, each.transform.rotation
+        placed = (moved.x, moved.y, moved.z, turned.x, turned.y, turned.z, turned.w)
+        found.append(Transform(header_of(each.header), each.child_frame_id, placed))
+    return tuple(found)
 
 
 def diagnostic_array(data: bytes) -> tuple[int, tuple[Status, ...]]:
@@ -147,8 +149,3 @@ def header_of(header: Any) -> Header:
 def yaw_of_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Heading of a rotation about any axis, seen from above."""
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def _placed(transform: Any) -> tuple[float, ...]:
-    moved, turned = transform.translation, transform.rotation
-    return moved.x, moved.y, moved.z, turned.x, turned.y, turned.z, turned.w

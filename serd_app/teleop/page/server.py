@@ -15,7 +15,6 @@ import logging
 import threading
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -29,12 +28,7 @@ from serd_app.teleop.page.hub import LARGEST_REQUEST_BYTES, Hub, OpenPage, PageR
 from serd_bag.files import read_text
 
 _COOKIE = "serd_token"
-_TYPES = {
-    ".html": "text/html",
-    ".css": "text/css",
-    ".js": "text/javascript",
-    ".svg": "image/svg+xml",
-}
+_STATIC = Path(__file__).with_name("static")
 _HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self'; connect-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -135,22 +129,14 @@ def make_app(hub: Hub, access: PageAccess) -> web.Application:
 
     app = web.Application(middlewares=[guarded])
     app.on_response_prepare.append(_harden)
+
+    async def index(_: web.Request) -> web.StreamResponse:
+        return web.FileResponse(_STATIC / "index.html")
+
     app.router.add_get("/socket", connect)
-    for each in (files("serd_app.teleop.page") / "static").iterdir():
-        if each.is_file():
-            path = "/" if each.name == "index.html" else f"/{each.name}"
-            app.router.add_get(path, _sender(each.name, each.read_bytes()))
+    app.router.add_get("/", index)
+    app.router.add_static("/", _STATIC)
     return app
-
-
-def _sender(name: str, content: bytes) -> Handler:
-    kind = _TYPES["." + name.rsplit(".", 1)[-1]]
-
-    async def send(_: web.Request) -> web.StreamResponse:
-        charset = None if kind.startswith("image/") else "utf-8"
-        return web.Response(body=content, content_type=kind, charset=charset)
-
-    return send
 
 
 async def _harden(_: web.Request, response: web.StreamResponse) -> None:
@@ -190,15 +176,13 @@ async def _send_all(socket: web.WebSocketResponse, page: OpenPage) -> None:
             await socket.send_str(message)
 
 
-class _OneLine(logging.Filter):
-    """Logs requests that cannot be read as HTTP in one line: anybody may send them."""
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        if record.exc_info and isinstance(record.exc_info[1], HttpProcessingError):
-            host = str(record.args[0]) if isinstance(record.args, tuple) and record.args else "?"
-            record.msg = f"refused a request from {host} that cannot be read as HTTP"
-            record.args, record.exc_info = (), None
-        return True
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """Log requests that cannot be read as HTTP in one line: anybody may send them."""
+    if record.exc_info and isinstance(record.exc_info[1], HttpProcessingError):
+        host = str(record.args[0]) if isinstance(record.args, tuple) and record.args else "?"
+        record.msg = f"refused a request from {host} that cannot be read as HTTP"
+        record.args, record.exc_info = (), None
+    return True
 
 
 class PageServer:
@@ -209,8 +193,7 @@ class PageServer:
         self._hub = Hub(json.dumps(scene))
         self._loop = asyncio.new_event_loop()
         self._runner: web.AppRunner | None = None
-        self._one_line = _OneLine()
-        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+        self._thread = threading.Thread(target=self._loop.run_forever, name="page", daemon=True)
         self._thread.start()
         try:
             self._call(self._begin())
@@ -258,17 +241,12 @@ class PageServer:
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
         self._loop.close()
-        server_logger.removeFilter(self._one_line)
-
-    def _run(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        self._loop.run_forever()
 
     def _call(self, coroutine: Any) -> None:
         asyncio.run_coroutine_threadsafe(coroutine, self._loop).result(_START_LIMIT_S)
 
     async def _begin(self) -> None:
-        server_logger.addFilter(self._one_line)
+        server_logger.addFilter(_in_one_line)
         app = make_app(self._hub, self.access)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=_SHUTDOWN_S)
         await self._runner.setup()

@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from serd_app.navigation.comparison import (
-    reasons_against_prediction,
-    reasons_text,
-    starts_of,
-)
+from serd_app.navigation.comparison import reasons_against_prediction, reasons_text, starts_of
 from serd_app.navigation.navigator import HALF, quantile_or_nan_s
 from serd_core.grid.grid import DIRECTION_VECTORS, Grid
 from serd_sim.crowd.social_force import model_named
@@ -85,6 +81,7 @@ def _arrival_layer(strategy: Strategy) -> dict[str, Any]:
     states = range(strategy.problem.grid.n_states)
     median_s = np.array([quantile_or_nan_s(strategy.law_of_cell(each), HALF) for each in states])
     slowest_s = float(np.nanmax(median_s, initial=0.0))
+    shares = median_s / max(slowest_s, 1.0)
     reasons = reasons_against_prediction(
         n_demonstrations=strategy.file.fit.n_episodes, starts=starts_of(strategy, "train")
     )
@@ -97,13 +94,9 @@ def _arrival_layer(strategy: Strategy) -> dict[str, Any]:
         "note": "; ".join(notes),
         "low": "0 s",
         "high": f"{slowest_s:.0f} s",
-        "shades": _shades(median_s / max(slowest_s, 1.0)),
+        "shades": [None if np.isnan(share) else round(share, 2) for share in shares.tolist()],
         "labels": ["×" if np.isnan(each) else f"{each:.0f}" for each in median_s.tolist()],
     }
-
-
-def _shades(shares: NDArray[np.float64]) -> list[float | None]:
-    return [None if np.isnan(share) else round(share, 2) for share in shares.tolist()]
 
 
 def point(waypoint: Waypoint | None) -> list[float] | None:

@@ -1,12 +1,12 @@
 """Drivers: their interface, and those that commands and tables name; a model file is a name too."""
 
-import heapq
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Protocol
 
 import numpy as np
+import scipy  # loads sparse at its first use
 
 from serd_bag.nearest import choice_rule
 from serd_core.arrays import FloatArray, IntArray
@@ -208,35 +208,19 @@ def costs_to_go(
 
     Column WAIT: no direction yet, so that the first move turns for nothing.
     """
-    to_go = np.full((grid.n_states, len(Action)), np.inf)
-    to_go[goal_states] = 0.0
-    queue = [(0.0, int(state), int(action)) for state in goal_states for action in MOVES]
-    heapq.heapify(queue)
-    came_from = _predecessors(grid)
-    while queue:
-        value, state, arrived_by = heapq.heappop(queue)
-        if value > to_go[state, arrived_by]:
-            continue
-        for before in came_from[state][arrived_by]:
-            step = value + cost[before, arrived_by]
-            for last in Action:
-                turned = last not in (Action.WAIT, arrived_by)
-                total = step + turning_cost * turned
-                if total < to_go[before, last]:
-                    to_go[before, last] = total
-                    heapq.heappush(queue, (float(total), before, int(last)))
-    return to_go
-
-
-def _predecessors(grid: Grid) -> list[list[list[int]]]:
-    """[state][action]: the states from which that action leads to the state."""
-    table: list[list[list[int]]] = [[[] for _ in Action] for _ in range(grid.n_states)]
-    for state in range(grid.n_states):
-        for action in MOVES:
-            reached = int(grid.neighbours[state, action])
-            if reached != state:
-                table[reached][action].append(state)
-    return table
+    state, move = np.nonzero(np.isfinite(cost))
+    last = np.arange(len(Action))[:, None]
+    turned = (last != Action.WAIT) & (last != move)
+    steps = cost[state, move] + turning_cost * turned
+    starts, ends = np.broadcast_arrays(
+        state * len(Action) + last, grid.neighbours[state, move] * len(Action) + move
+    )
+    backwards = ends.ravel(), starts.ravel()
+    size = grid.n_states * len(Action)
+    graph = scipy.sparse.csr_matrix((steps.ravel(), backwards), shape=(size, size))
+    goals = (goal_states[:, None] * len(Action) + np.arange(len(Action))).ravel()
+    to_go = scipy.sparse.csgraph.dijkstra(graph, indices=goals, min_only=True)
+    return np.asarray(to_go.reshape(-1, len(Action)), dtype=np.float64)
 
 
 #: Ends of the name of a driver that is a model file.

@@ -152,7 +152,12 @@ def load_strategy(
     transferred = file.grid.fingerprint != grid.fingerprint()
     if transferred and not transfer:
         require_grid(path, file, grid)
-    require_same_scale(path, file, scenario.name, scenario.cell_size_m)
+    if file.grid.cell_size_m != scenario.cell_size_m:
+        raise FileError(
+            f"{path}: was learned with cells of {file.grid.cell_size_m:g} m, but {scenario.name!r}"
+            f" has {scenario.cell_size_m:g} m; what it knows of a move holds for its own only:"
+            " learn one here"
+        )
     problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
     draws = dynamics_of_draws(path, own, problem)
     tables = require_timed(problem.mdp.transitions).local_probabilities(draws)
@@ -264,14 +269,3 @@ def start_distribution(scenario: Scenario, area: str) -> FloatArray:
     grid = grid_of(scenario)
     states = start_states_of(scenario, grid, area)
     return np.bincount(states, minlength=grid.n_states) / len(states)
-
-
-def require_same_scale(
-    path: str | Path, file: ModelFile, where: str | Path, cell_size_m: float
-) -> None:
-    """FileError where the cells of `where` are not as long as the model's."""
-    if file.grid.cell_size_m != cell_size_m:
-        raise FileError(
-            f"{path}: was learned with cells of {file.grid.cell_size_m:g} m, but {str(where)!r} has"
-            f" {cell_size_m:g} m; what it knows of a move holds for its own only: learn one here"
-        )

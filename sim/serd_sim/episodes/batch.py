@@ -219,8 +219,8 @@ def _summary(group: list[Row]) -> ConditionSummary:
     low, high = (float(end) for end in clopper_pearson(len(arrived), len(group)))
     return ConditionSummary(
         **{name: first[name] for name in _CONDITION},
-        **_means(group, _names_of(ContactCounts)),
-        metrics=EpisodeMetrics(**_means(group, _names_of(EpisodeMetrics))),
+        **_means(group, ContactCounts),
+        metrics=EpisodeMetrics(**_means(group, EpisodeMetrics)),
         n_episodes=len(group),
         n_arrived=len(arrived),
         arrival_low=low,
@@ -231,15 +231,10 @@ def _summary(group: list[Row]) -> ConditionSummary:
     )
 
 
-def _means(group: list[Row], names: Sequence[str]) -> dict[str, Any]:
-    return {name: _mean(float(row[name]) for row in group) for name in names}
-
-
-def _mean(values: Iterable[float]) -> float:
-    """Over the known ones; NaN where there is none."""
-    known = [value for value in values if not isnan(value)]
-    return fmean(known) if known else nan
-
-
-def _names_of(record: type) -> tuple[str, ...]:
-    return tuple(each.name for each in fields(record))
+def _means(group: list[Row], record: type) -> dict[str, Any]:
+    """The mean of each field of a record over the rows that know it; NaN where none does."""
+    means = {}
+    for name in (each.name for each in fields(record)):
+        known = [value for row in group if not isnan(value := float(row[name]))]
+        means[name] = fmean(known) if known else nan
+    return means

@@ -1,7 +1,7 @@
 """An episode from above, drawn straight into pixels, and its frames as files: PNG and GIF.
 
-A frame is (height, width, 3) uint8, row 0 at the top. Discs are blended with a smooth edge one
-pixel wide.
+A frame is (height, width, 3) uint8, row 0 at the top. It is drawn with finer pixels, whose means
+make smooth edges.
 """
 
 from collections.abc import Iterable, Sequence
@@ -9,11 +9,10 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from PIL import Image
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from serd_bag.files import atomic_write_bytes
-from serd_core.arrays import FloatArray
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.scenario.occupancy import wall_distance_raster
@@ -57,87 +56,61 @@ _PERSON, _NOSE = (232, 150, 72), (140, 78, 24)
 _ROBOT, _TRAIL, _ROBOT_NOSE = (38, 92, 180), (150, 182, 226), (240, 244, 252)
 _WALL_M, _MARGIN_M = 0.12, 0.3
 _TRAIL_TICKS = 2
+#: People who move less (m) in a tick stand.
+_STANDING_M = 1e-4
+#: Fine pixels along a side of a pixel, whose mean it is.
+_FINE = 3
 
 
 class TopView:
     """Draws one scenario from above."""
 
     def __init__(self, scenario: Scenario, pixels_per_m: float = 24.0) -> None:
-        self._scale = pixels_per_m
+        #: Fine pixels per metre.
+        self._scale = _FINE * pixels_per_m
         self._robot_radius_m = scenario.robot.radius_m
         self._person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
         x_min, y_min, x_max, y_max = scenario.bounds_m
         self._left_m, self._top_m = x_min - _MARGIN_M, y_max + _MARGIN_M
-        width = round((x_max - x_min + 2 * _MARGIN_M) * pixels_per_m)
-        height = round((y_max - y_min + 2 * _MARGIN_M) * pixels_per_m)
+        width = _FINE * round((x_max - x_min + 2 * _MARGIN_M) * pixels_per_m)
+        height = _FINE * round((y_max - y_min + 2 * _MARGIN_M) * pixels_per_m)
         self._background = self._drawn_background(scenario, height, width)
 
-    def frame(
-        self,
-        robot_pose: tuple[float, float, float] | None = None,
-        people_m: ArrayLike = (),
-        *,
-        previous_people_m: ArrayLike | None = None,
-        trail_m: ArrayLike = (),
-    ) -> Frame:
-        """The scenario with (N, 2) people, the robot and the (K, 2) way it has come.
+    def frame_at(self, seen: Sequence[Observation], tick: int) -> Frame:
+        """The scenario at a tick of an episode, with the way the robot has come.
 
-        previous_people_m: where the people were a little before, to show which way they walk.
+        A nose shows the robot's heading, and which way a person has walked since the tick before.
         """
         canvas = self._background.copy()
-        for x_m, y_m in np.asarray(trail_m, dtype=np.float64).reshape(-1, 2):
-            self._disc(canvas, x_m, y_m, 0.05, _TRAIL)
-        people = np.asarray(people_m, dtype=np.float64).reshape(-1, 2)
-        for x_m, y_m in people:
-            self._disc(canvas, x_m, y_m, self._person_radius_m, _PERSON)
-        if previous_people_m is not None:
-            self._draw_noses(canvas, people, np.asarray(previous_people_m, dtype=np.float64))
-        if robot_pose is not None:
-            x_m, y_m, yaw = robot_pose
-            self._disc(canvas, x_m, y_m, self._robot_radius_m, _ROBOT)
-            nose = 0.6 * self._robot_radius_m
-            nose_x, nose_y = x_m + nose * np.cos(yaw), y_m + nose * np.sin(yaw)
-            self._disc(canvas, nose_x, nose_y, 0.3 * self._robot_radius_m, _ROBOT_NOSE)
-        return canvas.astype(np.uint8)
-
-    def frame_at(self, seen: Sequence[Observation], tick: int) -> Frame:
-        """The scenario at a tick of an episode, with the way the robot has come."""
-        return self.frame(
-            seen[tick].pose,
-            seen[tick].people_position_m,
-            previous_people_m=seen[max(tick - 1, 0)].people_position_m,
-            trail_m=[each.pose[:2] for each in seen[:tick:_TRAIL_TICKS]],
-        )
-
-    def _draw_noses(self, canvas: FloatArray, people: FloatArray, before: FloatArray) -> None:
-        moved = people - before
-        length = np.linalg.norm(moved, axis=1, keepdims=True)
-        ahead = people + 0.6 * self._person_radius_m * moved / np.maximum(length, 1e-9)
-        for (x_m, y_m), way in zip(ahead, length[:, 0], strict=True):
-            if way > 1e-4:
-                self._disc(canvas, x_m, y_m, 0.3 * self._person_radius_m, _NOSE)
+        now, before = seen[tick], seen[max(tick - 1, 0)]
+        for each in seen[:tick:_TRAIL_TICKS]:
+            self._disc(canvas, each.pose[:2], 0.05, _TRAIL)
+        radius_m, people_m = self._person_radius_m, now.people_position_m
+        for place_m, moved_m in zip(people_m, people_m - before.people_position_m, strict=True):
+            self._disc(canvas, place_m, radius_m, _PERSON)
+            if (way_m := float(np.hypot(*moved_m))) > _STANDING_M:
+                ahead_m = place_m + 0.6 * radius_m / way_m * moved_m
+                self._disc(canvas, ahead_m, 0.3 * radius_m, _NOSE)
+        (x_m, y_m, yaw_rad), radius_m = now.pose, self._robot_radius_m
+        self._disc(canvas, (x_m, y_m), radius_m, _ROBOT)
+        nose_m = x_m + 0.6 * radius_m * np.cos(yaw_rad), y_m + 0.6 * radius_m * np.sin(yaw_rad)
+        self._disc(canvas, nose_m, 0.3 * radius_m, _ROBOT_NOSE)
+        return np.asarray(canvas.reduce(_FINE))
 
     def _disc(
-        self, canvas: FloatArray, x_m: float, y_m: float, radius_m: float, colour: Colour
+        self, canvas: Image.Image, place_m: Sequence[float], radius_m: float, colour: Colour
     ) -> None:
-        column, row = (x_m - self._left_m) * self._scale, (self._top_m - y_m) * self._scale
-        reach = radius_m * self._scale
-        low_row, low_column = max(int(row - reach - 1), 0), max(int(column - reach - 1), 0)
-        window = canvas[low_row : int(row + reach + 2), low_column : int(column + reach + 2)]
-        if not window.size:
-            return
-        rows = np.arange(window.shape[0])[:, None] + low_row + 0.5 - row
-        columns = np.arange(window.shape[1])[None, :] + low_column + 0.5 - column
-        cover = np.clip(reach + 0.5 - np.sqrt(rows**2 + columns**2), 0.0, 1.0)[..., None]
-        window += cover * (np.array(colour) - window)
+        column, row = place_m[0] - self._left_m, self._top_m - place_m[1]
+        box_m = np.array([column - radius_m, row - radius_m, column + radius_m, row + radius_m])
+        ImageDraw.Draw(canvas).ellipse((self._scale * box_m).tolist(), fill=colour)
 
-    def _drawn_background(self, scenario: Scenario, height: int, width: int) -> FloatArray:
+    def _drawn_background(self, scenario: Scenario, height: int, width: int) -> Image.Image:
         x_m = self._left_m + (np.arange(width) + 0.5) / self._scale
         y_m = self._top_m - (np.arange(height) + 0.5) / self._scale
         grid_x, grid_y = np.meshgrid(x_m, y_m)
         points = np.stack([grid_x.ravel(), grid_y.ravel()], axis=1)
         distance = wall_distance_raster(scenario).at(grid_x, grid_y)
-        canvas = np.empty((height, width, 3))
+        canvas = np.empty((height, width, 3), dtype=np.uint8)
         canvas[:] = _OUTSIDE
         canvas[distance > -_WALL_M] = _WALL
         canvas[distance > 0.0] = _FLOOR
@@ -145,4 +118,4 @@ class TopView:
         for area, colour in [*areas, (scenario.goal_area_m, _GOAL)]:
             inside = contains(area, points).reshape(height, width) & (distance > 0.0)
             canvas[inside] = colour
-        return canvas
+        return Image.fromarray(canvas)

@@ -6,7 +6,7 @@ Algorithms (ACM THRI, 2025). Hall's zones (The Hidden Dimension, 1966) end 0.45 
 and 0.95 m.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,46 +45,41 @@ class EpisodeMetrics:
     path_irregularity_radpm: float
 
 
-@dataclass
 class MetricsObserver:
     """Pass `see` to run_episode as its observer, then read `metrics`."""
 
-    scenario: Scenario
-    _gaps_m: list[float] = field(default_factory=list)
-    _collisions_ahead: list[bool] = field(default_factory=list)
-    _commands: list[tuple[float, float]] = field(default_factory=list)
-    _motions: list[tuple[float, float, float, float]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        person_radius_m = model_named(self.scenario.pedestrians.model).body_radius_m
-        self._reach_m = self.scenario.robot.radius_m + person_radius_m
+    def __init__(self, scenario: Scenario) -> None:
+        self._period_s = scenario.control_period_s
+        person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
+        self._reach_m = scenario.robot.radius_m + person_radius_m
+        #: Of each tick: gap, whether a collision is ahead, command, pose and speed.
+        self._ticks: list[tuple[float, ...]] = []
 
     def see(self, observation: Observation, command: Command, _action: Action) -> None:
         """Take one control tick."""
         away = observation.people_position_m - observation.pose[:2]
         gaps_m = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2) - self._reach_m
-        self._gaps_m.append(float(gaps_m.min(initial=np.inf)))
-        self._commands.append((command.linear_mps, command.angular_radps))
-        self._motions.append((*observation.pose, observation.speed_mps))
-        yaw_rad = observation.pose[2]
-        velocity_mps = observation.speed_mps * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
+        yaw_rad, speed_mps = observation.yaw_rad, observation.speed_mps
+        velocity_mps = speed_mps * np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
         closing_mps = observation.people_velocity_mps - velocity_mps
         times_s = time_to_collision_s(away, closing_mps, self._reach_m)
-        self._collisions_ahead.append(bool(times_s.min(initial=np.inf) < COLLISION_AHEAD_S))
+        is_ahead = times_s.min(initial=np.inf) < COLLISION_AHEAD_S
+        nearness = float(gaps_m.min(initial=np.inf)), float(is_ahead)
+        commanded = command.linear_mps, command.angular_radps
+        self._ticks.append((*nearness, *commanded, *observation.pose, speed_mps))
 
     @property
     def metrics(self) -> EpisodeMetrics:
         """Of all ticks seen so far; 0 where there was nothing to average."""
-        period_s = self.scenario.control_period_s
-        gaps, commands = np.array(self._gaps_m), np.array(self._commands).reshape(-1, 2)
-        x_m, y_m, yaw_rad, speed_mps = np.array(self._motions).reshape(-1, 4).T
-        acceleration, turn_acceleration = np.diff(commands, axis=0).T / period_s
+        ticks, period_s = np.array(self._ticks).reshape(-1, 8), self._period_s
+        gaps, ahead, _, _, x_m, y_m, yaw_rad, speed_mps = ticks.T
+        acceleration, turn_acceleration = np.diff(ticks[:, 2:4], axis=0).T / period_s
         way_m = float(np.hypot(np.diff(x_m), np.diff(y_m)).sum())
         turned_rad = np.abs(np.diff(np.unwrap(yaw_rad))).sum()
         return EpisodeMetrics(
             intimate_share=_mean_abs(gaps < INTIMATE_M),
             personal_share=_mean_abs(gaps < PERSONAL_M),
-            collision_ahead_share=_mean_abs(self._collisions_ahead),
+            collision_ahead_share=_mean_abs(ahead),
             standing_share=_mean_abs(np.abs(speed_mps) < STANDING_MPS),
             mean_speed_mps=_mean_abs(speed_mps),
             mean_abs_acceleration_mps2=_mean_abs(acceleration),

@@ -13,6 +13,7 @@ people, which does not mean that there are none: the answer is then the fault.
 
 import math
 from collections import deque
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_sim.crowd.social_force import model_named
-from serd_sim.errors import SimError
 from serd_sim.safety.input_monitor import ScanMonitor
 from serd_sim.safety.known_space import KnownSpace
 from serd_sim.safety.motion import PoseTrack, compose
@@ -29,7 +29,7 @@ from serd_sim.safety.scan import Scan
 from serd_sim.safety.settings import GuardSettings
 from serd_sim.scenario.occupancy import WallDistanceRaster, wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
-from serd_sim.world.observation import Observation, People, Pose, make_observation
+from serd_sim.world.observation import Observation, People, Pose
 
 _ALPHA, _BETA = 0.6, 0.25
 #: How far a detection may be from a track's prediction.
@@ -72,8 +72,14 @@ class PeopleTracker:
             self._correct(track, detections_m[detection], step_s)
             self._seen_s[track] = time_s
             free[detection] = False
-        self._forget(time_s)
-        self._start_tracks(detections_m[free], time_s)
+        known = time_s - self._seen_s <= _MEMORY_S
+        new_m = detections_m[free]
+        numbers = self._next_identity + np.arange(len(new_m), dtype=np.int64)
+        self._next_identity += len(new_m)
+        self.position_m = np.concatenate([self.position_m[known], new_m])
+        self.velocity_mps = np.concatenate([self.velocity_mps[known], np.zeros_like(new_m)])
+        self.identity = np.concatenate([self.identity[known], numbers])
+        self._seen_s = np.concatenate([self._seen_s[known], np.full(len(new_m), time_s)])
 
     def _pairs(self, detections_m: FloatArray) -> list[tuple[int, int]]:
         """Track and detection numbers, nearest first, each at most once, within the gate."""
@@ -92,20 +98,6 @@ class PeopleTracker:
         velocity = self.velocity_mps[track] + _BETA / step_s * residual
         speed = float(np.hypot(*velocity))
         self.velocity_mps[track] = velocity * min(1.0, FASTEST_MPS / max(speed, 1e-9))
-
-    def _forget(self, time_s: float) -> None:
-        known = time_s - self._seen_s <= _MEMORY_S
-        self.position_m, self.velocity_mps = self.position_m[known], self.velocity_mps[known]
-        self.identity, self._seen_s = self.identity[known], self._seen_s[known]
-
-    def _start_tracks(self, detections_m: FloatArray, time_s: float) -> None:
-        count = len(detections_m)
-        numbers = self._next_identity + np.arange(count, dtype=np.int64)
-        self._next_identity += count
-        self.position_m = np.concatenate([self.position_m, detections_m])
-        self.velocity_mps = np.concatenate([self.velocity_mps, np.zeros((count, 2))])
-        self.identity = np.concatenate([self.identity, numbers])
-        self._seen_s = np.concatenate([self._seen_s, np.full(count, time_s)])
 
 
 WALL_MARGIN_M = 0.12
@@ -128,7 +120,9 @@ def people_in_scan(
     wall_margin_m: points nearer than this to a wall belong to it. Of more groups than
     `_MOST_GROUPS` the nearest count.
     """
-    rays, x_m, y_m = _end_points(ranges_m, angles_rad, pose)
+    rays = np.flatnonzero(np.isfinite(ranges_m))
+    angle_rad, reach_m = angles_rad[rays] + pose[2], ranges_m[rays].astype(np.float64)
+    x_m, y_m = pose[0] + reach_m * np.cos(angle_rad), pose[1] + reach_m * np.sin(angle_rad)
     free = walls.at(x_m, y_m) > wall_margin_m
     rays, x_m, y_m = rays[free], x_m[free], y_m[free]
     if not len(rays):
@@ -148,18 +142,6 @@ def people_in_scan(
         if (center := _center_of(body, pose, person_radius_m)) is not None
     ]
     return np.array(centers).reshape(-1, 2)
-
-
-def _end_points(
-    ranges_m: NDArray[np.float32], angles_rad: FloatArray, pose: Pose
-) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-    """Indices and end points of the rays that have a return."""
-    rays = np.flatnonzero(np.isfinite(ranges_m))
-    angle = angles_rad[rays] + pose[2]
-    reach_m = ranges_m[rays].astype(np.float64)
-    x_m: FloatArray = pose[0] + reach_m * np.cos(angle)
-    y_m: FloatArray = pose[1] + reach_m * np.sin(angle)
-    return rays, x_m, y_m
 
 
 def _continues_around(rays: NDArray[np.intp], groups: list[FloatArray], n_rays: int) -> bool:
@@ -205,11 +187,6 @@ class ScanPerception:
 
     def take(self, observation: Observation, ranges_m: NDArray[np.float32]) -> None:
         """Take the scan (n_rays,) that was made at an observation's time and pose."""
-        if ranges_m.shape != self._angles_rad.shape:
-            raise SimError(
-                f"ranges_m must have {len(self._angles_rad)} rays as lidar.n_rays of the scenario"
-                f", got {ranges_m.shape}; set lidar.n_rays to those of the sensor"
-            )
         found = self._people_in(ranges_m, self._angles_rad, observation.pose)
         self.tracker.update(found, observation.time_s)
 
@@ -226,12 +203,12 @@ class ScanPerception:
     def see(self, observation: Observation) -> Observation:
         """The observation with the tracked people, predicted to its time, as its people."""
         self.tracker.predict(observation.time_s)
-        found = {
-            "people_position_m": self.tracker.position_m,
-            "people_velocity_mps": self.tracker.velocity_mps,
-            "people_id": self.tracker.identity,
-        }
-        return make_observation(**vars(observation) | found)
+        return replace(
+            observation,
+            people_position_m=self.tracker.position_m,
+            people_velocity_mps=self.tracker.velocity_mps,
+            people_id=self.tracker.identity,
+        )
 
 
 _MOST_WAITING = 20

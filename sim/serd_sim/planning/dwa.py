@@ -101,17 +101,6 @@ def _positions(
     return way
 
 
-def require_foresight(name: str, horizon_s: float, robot: RobotSettings) -> None:
-    """SimError when the horizon of a planner is shorter than the robot takes to stop."""
-    stopping_s = robot.max_vel_x_mps / robot.acc_lim_x_mps2 + REACTION_S
-    if horizon_s < stopping_s:
-        raise SimError(
-            f"{name} must be at least {stopping_s:.3g} s, in which the robot stops from its fastest"
-            f" ({robot.max_vel_x_mps:g} m/s at {robot.acc_lim_x_mps2:g} m/s2), got {horizon_s:g} s"
-            "; raise it or lower local_planner.max_vel_x"
-        )
-
-
 def speed_to_stop_within(distance_m: float, robot: RobotSettings) -> float:
     """Largest speed (m/s) from which the robot stops within a distance: v^2 = 2 a d."""
     return float(np.sqrt(2.0 * BRAKING_SHARE * robot.acc_lim_x_mps2 * distance_m))
@@ -160,7 +149,15 @@ class DwaPlanner:
         self._robot = self._settings.limited(scenario.robot)
         step_s = self._settings.time_granularity
         count = max(2, round(self._settings.sim_time / step_s))
-        require_foresight("local_planner.sim_time", count * step_s, self._robot)
+        horizon_s, robot = count * step_s, self._robot
+        stopping_s = robot.max_vel_x_mps / robot.acc_lim_x_mps2 + REACTION_S
+        if horizon_s < stopping_s:
+            raise SimError(
+                f"local_planner.sim_time must be at least {stopping_s:.3g} s, in which the robot"
+                f" stops from its fastest ({robot.max_vel_x_mps:g} m/s at"
+                f" {robot.acc_lim_x_mps2:g} m/s2), got {horizon_s:g} s; raise it or lower"
+                " local_planner.max_vel_x"
+            )
         self._time_s: FloatArray = step_s * np.arange(1, count + 1, dtype=np.float64)
         self._costs = RolloutCosts(scenario, self._time_s)
         spread = np.linspace(-1.0, 1.0, self._settings.vtheta_samples)

@@ -19,23 +19,10 @@ from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
 
 
-@dataclass(frozen=True, eq=False)
-class PredictedPeople:
-    """x_m, y_m: (K, T) positions of K people at the given times; now_x_m, now_y_m: (K, 1)."""
-
-    x_m: FloatArray
-    y_m: FloatArray
-    now_x_m: FloatArray
-    now_y_m: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.x_m)
-
-
 def predict_nearby(
     observation: Observation, range_m: float, most: int, time_s: FloatArray
-) -> PredictedPeople:
-    """Constant-velocity prediction of at most `most` people: the nearest within the range.
+) -> FloatArray:
+    """(K, 2, T) constant-velocity prediction of at most `most` people: the nearest within range_m.
 
     People without a finite position are left out; those without a finite velocity stand.
     """
@@ -49,25 +36,17 @@ def predict_nearby(
     finite = np.isfinite(velocity_mps)
     if not finite.all():
         velocity_mps = np.where(finite.all(axis=1, keepdims=True), velocity_mps, 0.0)
-    now_x_m, now_y_m = position_m[:, :1], position_m[:, 1:]
-    return PredictedPeople(
-        now_x_m + velocity_mps[:, :1] * time_s,
-        now_y_m + velocity_mps[:, 1:] * time_s,
-        now_x_m,
-        now_y_m,
-    )
+    return np.asarray(position_m[..., None] + velocity_mps[..., None] * time_s)
 
 
-def distance_to_nearest(
-    x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
-) -> FloatArray:
+def distance_to_nearest(x_m: FloatArray, y_m: FloatArray, people_m: FloatArray) -> FloatArray:
     """Distance from each point (..., T) to the nearest of K people, inf without any.
 
-    people_x_m, people_y_m: (K, T), or (K, 1) for people who stand. A point (1,) is that of a robot
-    that stands, at all times.
+    people_m: (K, 2, T), or (K, 2, 1) for people who stand. A point (1,) is that of a robot that
+    stands, at all times.
     """
-    squared = np.full((*x_m.shape[:-1], max(x_m.shape[-1], people_x_m.shape[-1])), np.inf)
-    for person_x, person_y in zip(people_x_m, people_y_m, strict=True):
+    squared = np.full((*x_m.shape[:-1], max(x_m.shape[-1], people_m.shape[-1])), np.inf)
+    for person_x, person_y in people_m:
         np.minimum(squared, np.square(x_m - person_x) + np.square(y_m - person_y), out=squared)
     distance: FloatArray = np.sqrt(squared, out=squared)
     return distance
@@ -112,12 +91,14 @@ _COSTS = CostSettings()
 class Surroundings:
     """The nearby people, and how near a rollout may bring the robot to them and to walls.
 
-    nearest_m: (T,) smallest gap allowed to the predicted people; nearest_now_m: (1,) to where they
-    are now. Below zero where a person touches the robot. nearest_wall_m: distance from the centre
-    of the robot that is allowed to walls.
+    now_m: (K, 2, 1) where people are, later_m: (K, 2, T) where they are expected. nearest_m: (T,)
+    smallest gap allowed to the latter; nearest_now_m: (1,) to the former. Below zero where a person
+    touches the robot. nearest_wall_m: distance from the centre of the robot that is allowed to
+    walls.
     """
 
-    people: PredictedPeople
+    now_m: FloatArray
+    later_m: FloatArray
     nearest_m: FloatArray
     nearest_now_m: FloatArray
     nearest_wall_m: float
@@ -168,17 +149,20 @@ class RolloutCosts:
     def look(self, observation: Observation) -> Surroundings:
         """What all rollouts from here share: the nearby people, and the gaps of a robot at rest."""
         settings = self.settings
-        people = predict_nearby(
-            observation, settings.people_range_m, settings.max_people, self._time_s
+        times_s = np.append(0.0, self._time_s)
+        people_m = predict_nearby(
+            observation, settings.people_range_m, settings.max_people, times_s
         )
         here_x, here_y = np.array(observation.pose[:2])[:, None]
-        here = here_x, here_y
-        standing = self._gap_m(*here, people.x_m, people.y_m)
-        standing_now = self._gap_m(*here, people.now_x_m, people.now_y_m)
+        now_m, later_m = people_m[..., :1], people_m[..., 1:]
+        standing_m, standing_now_m = (
+            self._gap_m(here_x, here_y, each) for each in (later_m, now_m)
+        )
         return Surroundings(
-            people,
-            np.minimum(settings.person_margin_m, standing - _NO_NEARER_M),
-            np.minimum(settings.stopped_margin_m, standing_now - _NO_NEARER_M),
+            now_m,
+            later_m,
+            np.minimum(settings.person_margin_m, standing_m - _NO_NEARER_M),
+            np.minimum(settings.stopped_margin_m, standing_now_m - _NO_NEARER_M),
             min(self._least_wall_m, float(self._walls.at(here_x, here_y)[0])),
         )
 
@@ -189,26 +173,23 @@ class RolloutCosts:
 
         n_soon: how many of the first times a robot cannot stop before; later ones forbid nothing.
         """
-        if not len(around.people):
+        if not len(around.now_m):
             shape = x_m.shape[:-1]
             return np.zeros(shape), np.zeros((*shape, n_soon), dtype=np.bool_)
-        people, decay_m = around.people, self.settings.people_decay_m
-        gap_m = self._gap_m(x_m, y_m, people.x_m, people.y_m)
+        decay_m = self.settings.people_decay_m
+        gap_m = self._gap_m(x_m, y_m, around.later_m)
         too_close = gap_m[..., :n_soon] < around.nearest_m[:n_soon]
         if n_soon:
-            now_m = people.now_x_m, people.now_y_m
-            gap_now_m = self._gap_m(x_m[..., :n_soon], y_m[..., :n_soon], *now_m)
+            gap_now_m = self._gap_m(x_m[..., :n_soon], y_m[..., :n_soon], around.now_m)
             too_close |= gap_now_m < around.nearest_now_m
         np.maximum(gap_m, -decay_m, out=gap_m)
         gap_m /= -decay_m
         nearness = np.exp(gap_m, out=gap_m)
         return self.settings.people_weight * (nearness * self._foresight).max(axis=-1), too_close
 
-    def _gap_m(
-        self, x_m: FloatArray, y_m: FloatArray, people_x_m: FloatArray, people_y_m: FloatArray
-    ) -> FloatArray:
+    def _gap_m(self, x_m: FloatArray, y_m: FloatArray, people_m: FloatArray) -> FloatArray:
         """Gap between the robot at each point and the nearest person."""
-        return distance_to_nearest(x_m, y_m, people_x_m, people_y_m) - self._reach_m
+        return distance_to_nearest(x_m, y_m, people_m) - self._reach_m
 
 
 def _wall_scale(scenario: Scenario) -> float:

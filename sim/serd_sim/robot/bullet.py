@@ -44,8 +44,7 @@ with _silent():  # pybullet reports its build time on import
     from pybullet_utils.bullet_client import BulletClient as BulletClient
 
 _HERE, _LEVEL = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)
-_ALONG_X, _ALONG_Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-#: Mass of the link between the two joints.
+#: Mass of the link between the two joints along which a person slides.
 _CARRIAGE_KG = 1e-3
 
 
@@ -92,28 +91,6 @@ def add_wall(client: BulletClient, start_m: FloatArray, end_m: FloatArray) -> in
     return body
 
 
-def add_sliding(
-    client: BulletClient, base_m: tuple[float, float, float], shape: int, mass_kg: float
-) -> int:
-    """Add a body that slides along x and y, by two joints from a fixed base."""
-    body: int = client.createMultiBody(
-        0.0,
-        basePosition=base_m,
-        linkMasses=[_CARRIAGE_KG, mass_kg],
-        linkCollisionShapeIndices=[-1, shape],
-        linkVisualShapeIndices=[-1, -1],
-        linkPositions=[_HERE] * 2,
-        linkOrientations=[_LEVEL] * 2,
-        linkInertialFramePositions=[_HERE] * 2,
-        linkInertialFrameOrientations=[_LEVEL] * 2,
-        linkParentIndices=range(2),
-        linkJointTypes=[pybullet.JOINT_PRISMATIC] * 2,
-        linkJointAxis=[_ALONG_X, _ALONG_Y],
-    )
-    let_move_freely(client, body)
-    return body
-
-
 def let_move_freely(client: BulletClient, body: int) -> None:
     """No damping by the air, no sleep. PyBullet ignores other values in a call that has these."""
     awake = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
@@ -123,12 +100,6 @@ def let_move_freely(client: BulletClient, body: int) -> None:
 def turned(yaw_rad: float) -> tuple[float, float, float, float]:
     """The quaternion of a turn about z."""
     return 0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
-
-
-def close(client: BulletClient) -> None:
-    """Leave a world; a second call does nothing."""
-    if client.isConnected():
-        client.disconnect()
 
 
 Velocity = tuple[float, float]
@@ -207,8 +178,21 @@ class PeopleBodies:
         for slot in range(len(self._bodies)):
             if slot not in self._near:
                 return slot
-        base_m = (0.0, 0.0, 0.5 * _SIDE_M)
-        body = add_sliding(self._client, base_m, self._capsule, PERSON_MASS_KG)
+        body = self._client.createMultiBody(
+            0.0,
+            basePosition=(0.0, 0.0, 0.5 * _SIDE_M),
+            linkMasses=[_CARRIAGE_KG, PERSON_MASS_KG],
+            linkCollisionShapeIndices=[-1, self._capsule],
+            linkVisualShapeIndices=[-1, -1],
+            linkPositions=[_HERE] * 2,
+            linkOrientations=[_LEVEL] * 2,
+            linkInertialFramePositions=[_HERE] * 2,
+            linkInertialFrameOrientations=[_LEVEL] * 2,
+            linkParentIndices=range(2),
+            linkJointTypes=[pybullet.JOINT_PRISMATIC] * 2,
+            linkJointAxis=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)],
+        )
+        let_move_freely(self._client, body)
         for joint in (0, 1):
             self._client.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, force=0.0)
         self._client.changeDynamics(body, 1, lateralFriction=_CONTACT_FRICTION, restitution=0.0)

@@ -24,7 +24,6 @@ from serd_sim.robot.bullet import (
     PeopleBodies,
     Velocity,
     add_wall,
-    close,
     let_move_freely,
     load_urdf,
     near_people,
@@ -36,6 +35,7 @@ from serd_sim.robot.robot import RobotState, Touches
 from serd_sim.robot.urdf import conjugate, product, rotated, yaw_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command, limited_velocity
+from serd_sim.world.observation import Pose
 
 Wheels = tuple[float, float]
 
@@ -75,8 +75,10 @@ class PhysicalRobot:
         self._settings = settings = scenario.robot
         self._person_radius_m, self._step_s = person_radius_m, scenario.control_period_s
         self._drive = settings.differential_drive()
-        self._rolling_radius_m = settings.rolling_radius_m(self._drive)
-        self._wheel_radius_m = settings.wheel_radius_m or self._rolling_radius_m
+        rolling_radius_m = self._drive.radius_m or settings.wheel_radius_m
+        assert rolling_radius_m is not None  # by the validator of the settings
+        self._rolling_radius_m = rolling_radius_m
+        self._wheel_radius_m = settings.wheel_radius_m or rolling_radius_m
         self._separation_m = self._drive.separation_m
         self._torques_nm = (settings.wheel_torque_nm, settings.wheel_torque_nm)
         self._n_substeps = math.ceil(self._step_s / _LONGEST_SUBSTEP_S - 1e-9)
@@ -90,19 +92,22 @@ class PhysicalRobot:
         self._client: BulletClient = None
         self._build()  # so that a robot that does not fit is rejected now
 
-    def place(self, start: RobotState) -> None:
-        """Put the robot on the floor of a new world and give it a velocity."""
+    def place(self, pose: Pose) -> None:
+        """Put the robot on the floor of a new world, where it stands."""
         self._build()
-        turn = turned(start.pose[2])
-        root_m = (*start.pose[:2], self._rolling_radius_m - self._drive.axle_height_m)
+        turn = turned(math.remainder(pose[2], math.tau))
+        root_m = (*pose[:2], self._rolling_radius_m - self._drive.axle_height_m)
         place = np.add(root_m, rotated(turn, self._mass_in_root[0]))
         turn = product(turn, self._mass_in_root[1])
         self._client.resetBasePositionAndOrientation(self._robot, place, turn)
         self._turn_wheels((0.0, 0.0))
         for _ in range(math.ceil(_SETTLING_S / self._substep_s)):
             self._client.stepSimulation()
-        self._set_velocity(start)
-        self._observe((start.speed_mps, start.yaw_rate_radps))
+        self._client.resetBaseVelocity(self._robot, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self._wheels_radps = (0.0, 0.0)
+        for joint in self._wheels:
+            self._client.resetJointState(self._robot, joint, 0.0, 0.0)
+        self._observe((0.0, 0.0))
 
     def drive(self, command: Command, crowd: Crowd) -> Touches:
         """One control period towards the command; people whom the robot touches are pushed.
@@ -116,7 +121,10 @@ class PhysicalRobot:
         reach_m = self._settings.radius_m + self._person_radius_m
         away_m = np.hypot(*(places - before.pose[:2]).T)
         near = near_people(away_m, reach_m, self._step_s, places, velocities)
-        people, wall = self.roll(self._speeds_of_wheels(target), near)
+        speed_mps, half_mps = target[0], 0.5 * target[1] * self._separation_m
+        wheels_mps = speed_mps - half_mps, speed_mps + half_mps
+        left_radps, right_radps = (each / self._wheel_radius_m for each in wheels_mps)
+        people, wall = self.roll((left_radps, right_radps), near)
         touches = Touches({person: self._is_by_robot(person, crowd) for person in people}, wall)
         for person in people:
             crowd.move(person, *self.people.motion(person))
@@ -158,12 +166,8 @@ class PhysicalRobot:
 
     def close(self) -> None:
         """Leave PyBullet; a second call does nothing."""
-        if self._client is not None:
-            close(self._client)
-
-    def _speeds_of_wheels(self, target: tuple[float, float]) -> Wheels:
-        speed, half = target[0], 0.5 * target[1] * self._separation_m
-        return (speed - half) / self._wheel_radius_m, (speed + half) / self._wheel_radius_m
+        if self._client is not None and self._client.isConnected():
+            self._client.disconnect()
 
     def _is_by_robot(self, person: int, crowd: Crowd) -> bool:
         """Whether the robot closed in faster, by the velocities before the control period."""
@@ -261,20 +265,6 @@ class PhysicalRobot:
                 f"robot.radius_m must cover the robot of {self._drive.path}, which extends "
                 f"{widest_m:.3f} m from its root link, got {radius_m:g} m; raise it"
             )
-
-    def _set_velocity(self, start: RobotState) -> None:
-        """Let the body move and the wheels, at angle 0, roll without slip."""
-        yaw_rad, turn_radps = start.pose[2], start.yaw_rate_radps
-        velocity = (start.speed_mps * math.cos(yaw_rad), start.speed_mps * math.sin(yaw_rad), 0.0)
-        self._client.resetBaseVelocity(self._robot, velocity, (0.0, 0.0, turn_radps))
-        half, radius_m = 0.5 * self._drive.separation_m * turn_radps, self._rolling_radius_m
-        self._wheels_radps = (
-            (start.speed_mps - half) / radius_m,
-            (start.speed_mps + half) / radius_m,
-        )
-        rolling = zip(self._wheels, self._drive.turns_forward, self._wheels_radps, strict=True)
-        for joint, sign, speed_radps in rolling:
-            self._client.resetJointState(self._robot, joint, 0.0, sign * speed_radps)
 
     def _turn_wheels(self, wheels_radps: Wheels) -> None:
         left, right = self._drive.turns_forward

@@ -56,31 +56,14 @@ class ContactCounter:
         self, crowd: Crowd, robot: RobotBody, wall_distance_m: float, touches: Touches | None = None
     ) -> None:
         """Count what touches now; distances are between surfaces. touches: those of the physics."""
-        on_person = on_robot = 0
-        if len(crowd):
-            on_person, on_robot = self._update_people(crowd, robot, touches)
-        gap = wall_distance_m - robot.radius_m
-        touch = gap < _TOUCH_M if touches is None else touches.wall
-        on_wall = int(touch and not self._touching_wall)
-        self._touching_wall = touch or (self._touching_wall and gap < _APART_M)
-        if on_person or on_robot or on_wall:
-            self.counts = ContactCounts(
-                robot_on_person=self.counts.robot_on_person + on_person,
-                person_on_robot=self.counts.person_on_robot + on_robot,
-                robot_on_wall=self.counts.robot_on_wall + on_wall,
-            )
-
-    def _update_people(
-        self, crowd: Crowd, robot: RobotBody, touches: Touches | None
-    ) -> tuple[int, int]:
+        gap_m = wall_distance_m - robot.radius_m
+        at_wall = gap_m < _TOUCH_M if touches is None else touches.wall
+        on_wall = at_wall and not self._touching_wall
+        self._touching_wall = at_wall or (self._touching_wall and gap_m < _APART_M)
         away_x, away_y = crowd.x_m - robot.x_m, crowd.y_m - robot.y_m
         distance = np.sqrt(away_x * away_x + away_y * away_y)
         gap = distance - (robot.radius_m + crowd.body_radius_m)
-        nearest = float(gap.min())
-        self.minimum_distance_m = min(self.minimum_distance_m, nearest)
-        if nearest >= _APART_M and not (touches and touches.people):
-            self._touching[:] = False
-            return 0, 0
+        self.minimum_distance_m = min(self.minimum_distance_m, float(gap.min(initial=np.inf)))
         if touches is None:
             touch = gap < _TOUCH_M
             robots = away_x * robot.velocity_x_mps + away_y * robot.velocity_y_mps
@@ -91,9 +74,12 @@ class ContactCounter:
             touch[list(touches.people)] = True
             by_robot[list(touches.people)] = list(touches.people.values())
         new = touch & ~self._touching
-        by_robot &= new
         self._touching = touch | (self._touching & (gap < _APART_M))
-        return int(by_robot.sum()), int((new & ~by_robot).sum())
+        self.counts = ContactCounts(
+            self.counts.robot_on_person + int((new & by_robot).sum()),
+            self.counts.person_on_robot + int((new & ~by_robot).sum()),
+            self.counts.robot_on_wall + int(on_wall),
+        )
 
 
 _CORNER_PASSES = 3
@@ -108,11 +94,6 @@ class RobotState:
     yaw_rate_radps: float = 0.0
 
 
-def standing_at(pose: Pose) -> RobotState:
-    """State of a robot that stands at a pose."""
-    return RobotState((*pose[:2], math.remainder(pose[2], math.tau)))
-
-
 class KinematicRobot:
     """Drives commands exactly, outside walls; `state` is the truth."""
 
@@ -122,13 +103,13 @@ class KinematicRobot:
     def __init__(self, scenario: Scenario) -> None:
         self._settings, self._step_s = scenario.robot, scenario.control_period_s
         self._walls = WallGeometry(scenario.wall_segments_m)
-        self.state = standing_at((0.0, 0.0, 0.0))
-        self.wall_distance_m = math.inf
+        self.place((0.0, 0.0, 0.0))
 
-    def place(self, state: RobotState) -> None:
+    def place(self, pose: Pose, speed_mps: float = 0.0, yaw_rate_radps: float = 0.0) -> None:
         """Set the pose and the velocity of the robot."""
-        self.state = state
-        self.wall_distance_m = self._walls.nearest_m(*state.pose[:2])
+        pose = *pose[:2], math.remainder(pose[2], math.tau)
+        self.state = RobotState(pose, speed_mps, yaw_rate_radps)
+        self.wall_distance_m = self._walls.nearest_m(*pose[:2])
 
     def drive(self, command: Command, _crowd: Crowd) -> Touches | None:
         """One control period towards the command; what a wall takes of the speed is lost."""
@@ -138,7 +119,7 @@ class KinematicRobot:
         x_m, y_m, yaw_rad = before.pose
         vx_mps, vy_mps = chord_velocity(yaw_rad, speed, yaw_rate, step_s)
         pose = x_m + step_s * vx_mps, y_m + step_s * vy_mps, yaw_rad + step_s * yaw_rate
-        self.place(replace(standing_at(pose), speed_mps=speed, yaw_rate_radps=yaw_rate))
+        self.place(pose, speed, yaw_rate)
         if self.wall_distance_m < self._settings.radius_m:
             self._leave_walls(before.pose)
         return None

@@ -54,8 +54,12 @@ class Lidar:
         ranges = range_to_lines(start_m[:, 0], start_m[:, 1], along_m, ray_x, ray_y)
         to_x, to_y, radius_m = people_x_m - pose[0], people_y_m - pose[1], self._person_radius_m
         near = to_x * to_x + to_y * to_y < (settings.range_max_m + radius_m) ** 2
-        nearest = range_to_circles(to_x[near], to_y[near], radius_m**2, ray_x, ray_y)
-        np.minimum(ranges, nearest, out=ranges)
+        to_x, to_y = to_x[near], to_y[near]
+        along = ray_x[:, None] * to_x + ray_y[:, None] * to_y
+        inside = radius_m**2 - (to_x * to_x + to_y * to_y - along * along)
+        hit = (inside > 0.0) & (along > 0.0)
+        distance = np.where(hit, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
+        np.minimum(ranges, distance.min(axis=1, initial=np.inf), out=ranges)
         if rng is not None and settings.noise_deviation_m > 0:
             ranges = ranges + settings.noise_deviation_m * rng.standard_normal(len(ranges))
         ranges = np.where(ranges > settings.range_max_m, np.inf, ranges)
@@ -76,18 +80,6 @@ def range_to_lines(
     share = (to_x * ray_y[:, None] - to_y * ray_x[:, None]) / turn
     hit = (distance > 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9)
     nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1, initial=np.inf)
-    return nearest
-
-
-def range_to_circles(
-    to_x: FloatArray, to_y: FloatArray, radius_squared: float, ray_x: FloatArray, ray_y: FloatArray
-) -> FloatArray:
-    """(n_rays,) distances along rays to the nearest of circles; to_x, to_y: (N,) centres."""
-    along = ray_x[:, None] * to_x + ray_y[:, None] * to_y
-    inside = radius_squared - (to_x * to_x + to_y * to_y - along * along)
-    hit = (inside > 0.0) & (along > 0.0)
-    distance = np.where(hit, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
-    nearest: FloatArray = distance.min(axis=1, initial=np.inf)
     return nearest
 
 

@@ -224,18 +224,18 @@ def _chain(joint: ET.Element | None, by_child: _Elements) -> Iterator[ET.Element
 
 
 def _wheel_radius_m(path: Path, link: ET.Element) -> float | None:
-    for place in ("collision", "visual"):
-        for shape in ("sphere", "cylinder"):
-            found = link.find(f"{place}/geometry/{shape}")
-            if found is not None:
-                radius_m = float(_numbers(found, "radius", "nan")[0])
-                if not radius_m > 0.0:
-                    raise SimError(
-                        f"{path}: the radius of the wheel {link.get('name')!r} must be a number"
-                        f" above 0, got {found.get('radius')!r}; set it"
-                    )
-                return radius_m
-    return None
+    places = (f"{part}/geometry" for part in ("collision", "visual"))
+    shapes = (link.find(f"{place}/{name}") for place in places for name in ("sphere", "cylinder"))
+    round_shape = next((each for each in shapes if each is not None), None)
+    if round_shape is None:
+        return None
+    radius_m = float(_numbers(round_shape, "radius", "nan")[0])
+    if not radius_m > 0.0:
+        raise SimError(
+            f"{path}: the radius of the wheel {link.get('name')!r} must be a number above 0, got"
+            f" {round_shape.get('radius')!r}; set it"
+        )
+    return radius_m
 
 
 def _end(joint: ET.Element, which: str) -> str:

@@ -312,8 +312,7 @@ class Guard:
         if len(points_m) and len(place_m):
             assert self._scan is not None
             then_m = place_m + (self._scan[2] - people.stamp_s) * velocity_mps
-            from_m, to_m = (points_m[:, 0], points_m[:, 1]), (then_m[:, :1], then_m[:, 1:])
-            away_m = distance_to_nearest(*from_m, *to_m)
+            away_m = distance_to_nearest(points_m[:, 0], points_m[:, 1], then_m[..., None])
             points_m = points_m[away_m > self.settings.person_radius + BODY_MARGIN_M]
         people_m = place_m + (now_s - people.stamp_s) * velocity_mps
         return Obstacles(points_m, people_m, velocity_mps, unknown_m=unknown_m)

@@ -243,7 +243,7 @@ class KnownSpace:
         is_solid = np.isfinite(scan.ranges_m[rays])
         if len(people_m) and len(end):
             x_m, y_m = out_of_frame(end, mount).T
-            away_m = distance_to_nearest(x_m, y_m, people_m[:, :1], people_m[:, 1:])
+            away_m = distance_to_nearest(x_m, y_m, people_m[..., None])
             is_solid &= away_m > self._settings.person_radius + BODY_MARGIN_M
         stamp_s, was_gone = np.full(len(end), scan.stamp_s), np.zeros(len(end), dtype=bool)
         self._newest = _Ends(out_of_frame(end, lidar), stamp_s, is_solid, was_gone)

@@ -175,7 +175,10 @@ def _free_parts(
     for cell in cut:
         pieces = shapely.get_parts(shapely.intersection(free, parts[cell]))
         largest = max(pieces, key=shapely.area, default=shapely.Polygon())
-        is_wide = largest.geom_type == "Polygon" and _widths_m(largest) >= _LEAST_M
+        west_m, south_m, east_m, north_m = largest.bounds
+        is_wide = largest.geom_type == "Polygon" and (
+            min(east_m - west_m, north_m - south_m) >= _LEAST_M
+        )
         parts[cell] = largest if is_wide else shapely.Polygon()
     return parts
 
@@ -187,13 +190,6 @@ def _middle_of(part: shapely.Polygon, center: shapely.Point) -> FloatArray:
     nearest = shapely.get_point(shapely.shortest_line(inner, center), 0)
     middle = deepest if nearest is None else nearest
     return np.array([middle.x, middle.y])
-
-
-def _widths_m(parts: ArrayLike) -> FloatArray:
-    """Smaller side of the box around each part."""
-    bounds = shapely.bounds(parts)
-    sides: FloatArray = (bounds[..., 2:] - bounds[..., :2]).min(axis=-1)
-    return sides
 
 
 def _leave_out_unjoined(parts: np.ndarray, walkable: BoolArray, shape: tuple[int, int]) -> None:

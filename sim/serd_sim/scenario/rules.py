@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -14,6 +14,7 @@ from serd_sim.crowd.routes import offset_loop
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.scenario.cells import groups_of, narrowest
+from serd_sim.scenario.place import LONGEST_CONTROL_PERIOD_S, MOST_CELLS, Place
 from serd_sim.scenario.polygon import (
     Point,
     contains,
@@ -25,22 +26,13 @@ from serd_sim.scenario.polygon import (
 )
 from serd_sim.scenario.settings import LARGEST_NUMBER
 
-if TYPE_CHECKING:
-    from serd_sim.scenario.scenario import Scenario
-
 #: Weidmann (1993).
 DENSITY_AT_WHICH_NOBODY_WALKS_PM2 = 5.4
 #: A robot starts within this share of a cell from the cell's centre, along either axis.
 START_SPREAD = 0.2
-#: People's steps stay shorter than what walls hold them off by.
-LONGEST_CONTROL_PERIOD_S = 0.2
-#: Of control and decision: shorter ones divide a drive into more than can be handled.
-LEAST_PERIOD_S = 0.001
-#: Cells of the decision grid, walkable or not, that learning and planning can still handle.
-MOST_CELLS = 40_000
 
 
-def require_consistent(scenario: "Scenario") -> None:
+def require_consistent(scenario: Place) -> None:
     """ValueError where the parts of a scenario do not fit together."""
     _require_finite_scale(scenario.model_dump())
     _require_motion(scenario)
@@ -81,7 +73,7 @@ def _require_finite_scale(values: Any, place: tuple[str | int, ...] = ()) -> Non
         )
 
 
-def _require_motion(scenario: "Scenario") -> None:
+def _require_motion(scenario: Place) -> None:
     """No one gets past a wall within one control period, and the robot brakes as planners do."""
     robot, period_s = scenario.robot, scenario.control_period_s
     speed_mps = max(robot.max_vel_x_mps, -robot.min_vel_x_mps)
@@ -106,7 +98,7 @@ def _require_motion(scenario: "Scenario") -> None:
             )
 
 
-def _require_lidar(scenario: "Scenario") -> None:
+def _require_lidar(scenario: Place) -> None:
     """Scans must fall on control ticks, and ranges must be between the limits."""
     lidar, period_s = scenario.lidar, scenario.control_period_s
     scan_s = 1.0 / lidar.rate_hz
@@ -137,7 +129,7 @@ def require_cell_count(outline_m: Sequence[Point], cell_size_m: float) -> None:
         )
 
 
-def _require_cells(name: str, area: Sequence[Point], scenario: "Scenario") -> FloatArray:
+def _require_cells(name: str, area: Sequence[Point], scenario: Place) -> FloatArray:
     """(N, 2) centres of the walkable cells in an area, which must have one."""
     centers_m = scenario.cells.centers_m
     inside = contains(area, centers_m)
@@ -149,7 +141,7 @@ def _require_cells(name: str, area: Sequence[Point], scenario: "Scenario") -> Fl
     return centers_m[inside]
 
 
-def _require_start(name: str, area: Sequence[Point], scenario: "Scenario") -> None:
+def _require_start(name: str, area: Sequence[Point], scenario: Place) -> None:
     """A start area has a cell for the robot, ways to the goal, and no start in it."""
     cells, goal = scenario.cells, scenario.goal_area_m
     size_m, radius_m = cells.cell_size_m, scenario.robot.radius_m
@@ -177,7 +169,7 @@ def _require_start(name: str, area: Sequence[Point], scenario: "Scenario") -> No
         )
 
 
-def _cut_off(name: str, start_m: FloatArray, goals_m: FloatArray, scenario: "Scenario") -> str:
+def _cut_off(name: str, start_m: FloatArray, goals_m: FloatArray, scenario: Place) -> str:
     """Why no way over cells leads from a place to the goal."""
     text = f"goal_area_m must be reachable from {name}, but "
     ends = shapely.Point(start_m), shapely.MultiPoint(goals_m)
@@ -204,7 +196,7 @@ def has_room(
     return roomy
 
 
-def _require_people(scenario: "Scenario") -> None:
+def _require_people(scenario: Place) -> None:
     """People have room and loops to walk, and those who stand are clear of the walls."""
     people, cells = scenario.pedestrians, scenario.cells
     area_m2 = float(cells.walkable.sum()) * cells.cell_size_m**2
@@ -238,7 +230,7 @@ def _require_people(scenario: "Scenario") -> None:
             _require_walkable(f"the edge of the lane of {name}", fix, edge, scenario)
 
 
-def _require_walkable(what: str, fix: str, line_m: FloatArray, scenario: "Scenario") -> None:
+def _require_walkable(what: str, fix: str, line_m: FloatArray, scenario: Place) -> None:
     """A closed line (n, 2) is in the walkable area and crosses no wall."""
     walkable = contains(scenario.walkable_area_m, line_m)
     for solid in scenario.solids_m:

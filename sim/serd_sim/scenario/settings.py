@@ -81,12 +81,6 @@ class RobotSettings(StrictModel):
             self.urdf_path, self.left_wheel_joint, self.right_wheel_joint
         )
 
-    def rolling_radius_m(self, drive: DifferentialDrive) -> float:
-        """Radius of the wheels of its drive: by the URDF, else as given."""
-        radius_m = drive.radius_m or self.wheel_radius_m
-        assert radius_m is not None  # by the validator
-        return radius_m
-
     @property
     def urdf_path(self) -> Path:
         """The file of the physical robot."""

@@ -91,9 +91,14 @@ class DecisionEpochs:
         """Whether a decision is to be taken at this observation; the same if it comes again."""
         return self.see(observation.time_s, observation.x_m, observation.y_m)
 
-    def see(self, time_s: float, x_m: float, y_m: float) -> bool:
-        """Whether a decision is to be taken at this place; `take` it then."""
-        return self._see(time_s, x_m, y_m, arrived=False)
+    def see(self, time_s: float, x_m: float, y_m: float, *, arrived: bool = False) -> bool:
+        """Whether a decision is to be taken at this place; `take` it then.
+
+        arrived: the drive ends here, in the goal.
+        """
+        if self._seen is None or self._seen[0] != time_s:
+            self._seen = time_s, self._advance(time_s, x_m, y_m, arrived=arrived)
+        return self._seen[1]
 
     def take(self, time_s: float, action: int) -> None:
         """Begin the decision for an action; one of an earlier time that still runs is censored."""
@@ -117,13 +122,8 @@ class DecisionEpochs:
         The goal is entered at its border, less far than a crossing needs, and when the robot
         arrived, also where patience ran out.
         """
-        if not self._see(time_s, x_m, y_m, arrived=arrived):
+        if not self.see(time_s, x_m, y_m, arrived=arrived):
             self.interrupt(time_s)
-
-    def _see(self, time_s: float, x_m: float, y_m: float, *, arrived: bool) -> bool:
-        if self._seen is None or self._seen[0] != time_s:
-            self._seen = time_s, self._advance(time_s, x_m, y_m, arrived=arrived)
-        return self._seen[1]
 
     def _advance(self, time_s: float, x_m: float, y_m: float, *, arrived: bool) -> bool:
         entered = self._cells.see(time_s, x_m, y_m, is_last=arrived)

@@ -6,6 +6,7 @@ carry them are, so that a planner behind ROS sees bit for bit what a planner in 
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +33,7 @@ NO_PEOPLE = People(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, dtype=np.int6
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """State of the robot and the people around it; build it with `make_observation`.
+    """State of the robot and the people around it.
 
     time_s, tick: simulated time and the number of control periods it is.
     pose: (x_m, y_m, yaw_rad) of the robot in the map, yaw in [-pi, pi].
@@ -47,6 +48,22 @@ class Observation:
     people_position_m: FloatArray
     people_velocity_mps: FloatArray
     people_id: IntArray
+
+    def __post_init__(self) -> None:
+        x_m, y_m, yaw_rad = map(float, self.pose)
+        position, velocity = map(
+            _single_precision, (self.people_position_m, self.people_velocity_mps)
+        )
+        identity = np.array(self.people_id, dtype=np.int64)
+        if not len(position) == len(velocity) == len(identity):
+            raise SimError(
+                "people_position_m, people_velocity_mps and people_id must be of one length, got "
+                f"{len(position)}, {len(velocity)} and {len(identity)}; send one row per person"
+            )
+        values = {"pose": (x_m, y_m, float(np.float32(yaw_rad))), "people_id": identity}
+        values |= {"people_position_m": position, "people_velocity_mps": velocity}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     @property
     def is_finite(self) -> bool:
@@ -72,38 +89,6 @@ class Observation:
     def yaw_rad(self) -> float:
         """Heading of the robot, counter-clockwise from east."""
         return self.pose[2]
-
-
-def make_observation(
-    *,
-    time_s: float,
-    tick: int,
-    pose: tuple[float, float, float],
-    speed_mps: float,
-    yaw_rate_radps: float,
-    people_position_m: ArrayLike,
-    people_velocity_mps: ArrayLike,
-    people_id: ArrayLike,
-) -> Observation:
-    """Observation with yaw and people rounded to what single-precision messages can carry."""
-    position = _single_precision(people_position_m)
-    velocity = _single_precision(people_velocity_mps)
-    identity = np.array(people_id, dtype=np.int64)
-    if not len(position) == len(velocity) == len(identity):
-        raise SimError(
-            "people_position_m, people_velocity_mps and people_id must be of one length, got "
-            f"{len(position)}, {len(velocity)} and {len(identity)}; send one row per person"
-        )
-    return Observation(
-        time_s=float(time_s),
-        tick=int(tick),
-        pose=(float(pose[0]), float(pose[1]), float(np.float32(pose[2]))),
-        speed_mps=float(speed_mps),
-        yaw_rate_radps=float(yaw_rate_radps),
-        people_position_m=position,
-        people_velocity_mps=velocity,
-        people_id=identity,
-    )
 
 
 def _single_precision(values: ArrayLike) -> FloatArray:
@@ -141,55 +126,48 @@ class ObservationInbox:
         self._needs_people = needs_people
         self._tolerance_ns = round(tolerance_s * 1e9)
         self._control_period_s = control_period_s
-        self._pose: tuple[int, Pose] | None = None
-        self._speeds: tuple[int, tuple[float, float]] | None = None
-        self._people: tuple[int, People] | None = None
+        #: Stamp (ns) and value of each part that has come, by the name of its topic.
+        self._parts: dict[str, tuple[int, Any]] = {}
 
     def take_pose(self, time_ns: int, pose: Pose) -> Observation | None:
         """Take a pose; the observation it completes, if it does."""
-        self._pose = time_ns, pose
-        return self._complete()
+        return self._take("pose", time_ns, pose)
 
     def take_speeds(self, time_ns: int, speeds: tuple[float, float]) -> Observation | None:
         """Take speeds (m/s, rad/s); the observation they complete, if they do."""
-        self._speeds = time_ns, speeds
-        return None if self._tolerance_ns else self._complete()
+        return self._take("odom", time_ns, speeds)
 
     def take_people(self, time_ns: int, people: People) -> Observation | None:
         """Take the people; the observation they complete, if they do."""
-        if not self._needs_people:
-            return None
-        self._people = time_ns, people
-        return None if self._tolerance_ns else self._complete()
+        return self._take("people", time_ns, people) if self._needs_people else None
 
     def missing(self) -> dict[str, float | None]:
         """The parts that no observation can be made without: None for one that has never come,
         else by how much (s) it is older than the pose; negative when newer."""
-        stamps_ns = {
-            "pose": None if self._pose is None else self._pose[0],
-            "odom": None if self._speeds is None else self._speeds[0],
-        }
-        if self._needs_people:
-            stamps_ns["people"] = None if self._people is None else self._people[0]
         found: dict[str, float | None] = {}
-        for name, stamp_ns in stamps_ns.items():
+        posed_ns, _ = self._parts.get("pose", (None, None))
+        for name in ("pose", "odom", "people") if self._needs_people else ("pose", "odom"):
+            stamp_ns, _ = self._parts.get(name, (None, None))
             if stamp_ns is None:
                 found[name] = None
-            elif self._pose is not None and abs(self._pose[0] - stamp_ns) > self._tolerance_ns:
-                found[name] = (self._pose[0] - stamp_ns) * 1e-9
+            elif posed_ns is not None and abs(posed_ns - stamp_ns) > self._tolerance_ns:
+                found[name] = (posed_ns - stamp_ns) * 1e-9
         return found
 
-    def _complete(self) -> Observation | None:
-        if self._pose is None or self._speeds is None or self.missing():
+    def _take(self, name: str, time_ns: int, value: Any) -> Observation | None:
+        self._parts[name] = time_ns, value
+        if self.missing() or (self._tolerance_ns and name != "pose"):
             return None
-        people = NO_PEOPLE if self._people is None else self._people[1]
-        time_s = self._pose[0] * 1e-9
-        return make_observation(
+        posed_ns, pose = self._parts["pose"]
+        _, (speed_mps, yaw_rate_radps) = self._parts["odom"]
+        _, people = self._parts.get("people", (0, NO_PEOPLE))
+        time_s = posed_ns * 1e-9
+        return Observation(
             time_s=time_s,
             tick=round(time_s / self._control_period_s),
-            pose=self._pose[1],
-            speed_mps=self._speeds[1][0],
-            yaw_rate_radps=self._speeds[1][1],
+            pose=pose,
+            speed_mps=speed_mps,
+            yaw_rate_radps=yaw_rate_radps,
             people_position_m=people.position_m,
             people_velocity_mps=people.velocity_mps,
             people_id=people.identity,

@@ -15,7 +15,7 @@ from serd_sim.crowd.crowd import Crowd, start_crowd
 from serd_sim.crowd.social_force import model_named
 from serd_sim.errors import SimError
 from serd_sim.robot.physical_robot import PhysicalRobot
-from serd_sim.robot.robot import ContactCounter, ContactCounts, KinematicRobot, standing_at
+from serd_sim.robot.robot import ContactCounter, ContactCounts, KinematicRobot
 from serd_sim.robot.sensors import Lidar, Odometry
 from serd_sim.scenario.grid import Area, grid_of, is_at_goal, start_states_of
 from serd_sim.scenario.polygon import distance_to_segments_m
@@ -30,7 +30,6 @@ from serd_sim.world.observation import (
     START,
     Observation,
     episode_rng,
-    make_observation,
 )
 
 
@@ -71,9 +70,9 @@ class HallwayWorld:
             earliest = self.tick + round(EPISODE_GAP_S / self.scenario.control_period_s)
             self.tick = math.ceil(earliest / per_scan) * per_scan
         self._episode, self._first_tick = episode, self.tick
-        start = standing_at(self._draw_start(self._rng(START), start_area))
+        start = self._draw_start(self._rng(START), start_area)
         self._robot.place(start)
-        self._odometry = Odometry(self.scenario.odometry, start.pose, self._rng(ODOMETRY))
+        self._odometry = Odometry(self.scenario.odometry, start, self._rng(ODOMETRY))
         loops, walls_m = self.scenario.pedestrians.loops, self.scenario.wall_segments_m
         self._crowd = start_crowd(self.scenario.pedestrians, loops, walls_m, self._rng(CROWD))
         self._contacts = ContactCounter(len(self._crowd))
@@ -109,7 +108,7 @@ class HallwayWorld:
     def _observed_now(self) -> Observation:
         """Make the observation of the present tick."""
         crowd, robot = self._running(), self._robot.state
-        self._observation = make_observation(
+        self._observation = Observation(
             time_s=self.time_s,
             tick=self.tick,
             pose=robot.pose,

@@ -30,13 +30,6 @@ def test_poses_and_vectors_read_as_written(messages, little_endian, frame):
     assert (message.vector.x, message.vector.y) == (0.0, -1.0)
 
 
-def test_diagnostics_read_as_written(messages):
-    stamp_ns, (status,) = diagnostic_array(messages.mark(3.0, "end", 7, "arrived"))
-    assert stamp_ns == 3_000_000_000
-    assert (status.name, status.message) == ("episode", "end")
-    assert status.values == {"episode": "7", "driver": "test", "outcome": "arrived"}
-
-
 def test_cut_messages_raise_at_every_length(messages):
     for read, data in (
         (pose_position, messages.pose(1.0, 2.0, 3.0)),

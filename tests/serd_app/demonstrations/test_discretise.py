@@ -238,8 +238,7 @@ def recorded_bag(tmp_path, messages):
 
 def test_a_bag_becomes_decisions_by_its_header_stamps(recorded_bag):
     recorded_bag.close()
-    gathered, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
-    decisions = gathered
+    decisions, report = demonstrations_of_bag(recorded_bag.directory, GRID, PATIENCE_S, WAIT_S)
     np.testing.assert_allclose(decisions.time_s, [100.0, 101.2, 103.2, 105.2], atol=1e-6)
     assert decisions.state.tolist() == [0, 1, 2, 3]
     assert decisions.next_state.tolist() == [1, 2, 3, 3]

@@ -124,10 +124,9 @@ def test_what_was_lost_between_episodes_is_the_same_live_and_from_a_bag(bag, sen
 
 
 def test_what_was_known_before_comes_first_and_is_counted_once(sent):
-    everything = live_drive(sent).gathered()
-    decisions = everything
+    decisions = live_drive(sent).gathered()
     kept = decisions.select_episodes(decisions.episodes[:2])
-    assert same(live_drive(sent, kept).gathered(), everything)
+    assert same(live_drive(sent, kept).gathered(), decisions)
     other = replace(decisions, time_s=decisions.time_s + 0.5)
     both = live_drive(sent, other).gathered()
     assert len(both) == 2 * len(decisions)

@@ -31,6 +31,11 @@ def test_a_transform_is_that_of_scipy_and_its_inverse_cancels_it(rows):
     np.testing.assert_allclose(inverse(matrices) @ matrices, identity, atol=1e-12)
 
 
+@given(st.lists(st.tuples(number, number, st.floats(-3.1, 3.1)), min_size=1, max_size=3))
+def test_a_pose_in_the_plane_is_its_placement_seen_from_above(rows):
+    np.testing.assert_allclose(planar(matrices_of(np.array(rows))), rows, atol=1e-12)
+
+
 def test_poses_go_through_a_moving_and_a_static_frame():
     tree = RecordedTransforms({})
     tree.add(transform("map", "odom", 0.0, 1.0, 0.0, 0.0), static=False)

@@ -64,6 +64,7 @@ def test_a_gap_between_poses_ends_an_episode():
     kept = (time_s < 4.0) | (time_s > 5.0)
     spans, cuts = spans_of(time_s[kept], position_m[kept])
     assert [outcome for *_, outcome in spans] == ["unmarked", "unmarked"]
+    np.testing.assert_allclose([span[:2] for span in spans], [[0.0, 3.9], [5.1, time_s[-1]]])
     assert cuts == {"gap": 1}
 
 

@@ -2,18 +2,26 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from serd_app.demonstrations.decision_table import Place, save_learnable
 from serd_app.errors import AppError
+from serd_app.journeys import learn as learning
 from serd_app.journeys.demonstrate import PlaceChoice
 from serd_app.journeys.from_map import scenario_from_map
+from serd_app.journeys.learn import learn_from_table
 from serd_app.journeys.navigate import navigate
+from serd_app.learning.knowledge import certainty_of
+from serd_app.learning.recipe import learn
+from serd_app.learning.settings import LearningSettings
 from serd_app.navigation.settings import DriveSettings
 from serd_app.places.settings import PlaceSettings
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import load_scenario
 from support.episodes import episode_result
 from support.ros_maps import maze, write_map
+from support.timed_hallway import TASK, timed_decisions
 
 
 def test_episodes_that_any_driver_gives_are_compared_with_the_plan(save_model_of):
@@ -64,3 +72,20 @@ def test_a_scenario_of_a_map_is_on_disk_as_in_the_record(tmp_path):
 def test_a_place_is_a_scenario_or_a_grid_that_is_fitted(choice, sentence):
     with pytest.raises(AppError, match=sentence):
         PlaceChoice(**choice)
+
+
+def test_standard_errors_are_of_the_decisions_that_the_recipe_used(monkeypatch, tmp_path):
+    def of_one_episode(task, decisions, *others):
+        return learn(task, decisions.select_episodes(decisions.episodes[:1]), *others)
+
+    monkeypatch.setattr(learning, "learn", of_one_episode)
+    scenario, table = load_scenario("hallway"), tmp_path / "decisions.csv"
+    place = Place(TASK.problem.grid, scenario.patience_s, scenario.wait_s, scenario)
+    save_learnable(table, place, timed_decisions())
+    settings = LearningSettings(method="mdce_serd", prior_weights=(1.0,))
+    learned = learn_from_table(table, tmp_path / "model.yaml", settings)
+    outcome = learned.outcome
+    assert 0 < len(outcome.decisions) < len(learned.files.decisions)
+    used = certainty_of(outcome.problem, outcome.decisions, outcome.fit)
+    assert np.isfinite(used.errors.reward).all()
+    np.testing.assert_array_equal(learned.certainty.errors.reward, used.errors.reward)

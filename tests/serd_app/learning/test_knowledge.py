@@ -40,7 +40,7 @@ def outcome(decisions):
 
 def certainty_with(decisions, **settings):
     fit = learn(TASK, decisions, LearningSettings(**settings))
-    return certainty_of(fit.problem, decisions, fit.fit)
+    return certainty_of(fit.problem, fit.decisions, fit.fit)
 
 
 def test_every_outcome_has_its_interval_and_counts_what_was_reached(outcome, decisions):
@@ -140,7 +140,7 @@ def test_a_fit_without_a_posterior_of_the_dynamics_has_none(decisions):
 
 def test_where_no_law_was_learned_nothing_is_printed_of_any(decisions):
     hidden = replace(decisions, action=np.full(len(decisions), -1))
-    found = learn(TASK, hidden, LearningSettings(method="mdce_serd_evidence"))
+    found = learn(TASK, hidden, LearningSettings())
     assert found.knowledge.durations == ()
     assert not any("dwell times" in line for line in knowledge_lines(found.knowledge, PROBLEM))
     assert found.durations[0].startswith("a move takes on average, counted: with flow ")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.discretise import demonstrations_of_bag
-from serd_app.learning.fit_data import fit_data
-from serd_app.learning.methods import mdce_serd_free, uniform_prior
+from serd_app.learning.methods import fit_data, mdce_serd_free, uniform_prior
 from serd_app.learning.settings import RecipeSettings
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid

@@ -7,11 +7,7 @@ from serd_bag.errors import FileError
 from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelDraws, load_model
-from serd_sim.drivers.strategy import (
-    STEP_S,
-    load_strategy,
-    start_distribution,
-)
+from serd_sim.drivers.strategy import STEP_S, load_strategy, start_distribution
 from serd_sim.scenario.names import builtin_scenarios
 from serd_sim.scenario.scenario import load_scenario
 from tests.conftest import MEAN_S, OUTCOMES, model_row

@@ -26,11 +26,6 @@ def navigator_of(model, scenario=HALLWAY):
     return Navigator(scenario, NavigationSettings(model=str(model)))
 
 
-def drive(scenario, navigator):
-    with HallwayWorld(scenario, seed=3) as world:
-        return run_episode(world, make_planner(scenario), navigator, episode=0)
-
-
 def test_waits_before_each_lap_do_not_keep_the_robot_where_no_people_walk(save_model_of):
     grid = load_strategy(str(save_model_of()), QUIET, "optimal").problem.grid
     learned_without_flow = flow_picture(grid, np.full(grid.n_states, -1))
@@ -41,14 +36,14 @@ def test_waits_before_each_lap_do_not_keep_the_robot_where_no_people_walk(save_m
             "the model's weight of social_norm is not used, as no flow of people is known here, or"
             " was where it was learned"
         ]
-    record = drive(QUIET, navigator)
+    with HallwayWorld(QUIET, seed=3) as world:
+        record = run_episode(world, make_planner(QUIET), navigator, episode=0)
     assert record.outcome == "arrived"
     assert record.time_of_arrival_s < 90.0
 
 
 def test_where_it_is_best_to_stay_the_way_of_least_time_is_planned(save_model_of):
-    navigator = navigator_of(save_model_of(reward_weights=SHUNS_WALLS))
-    strategy = navigator.strategy
+    strategy = navigator_of(save_model_of(reward_weights=SHUNS_WALLS)).strategy
     n_trapped = len(strategy.driven.learned_traps.states)
     assert n_trapped > 100
     assert int(strategy.by_time.sum()) == n_trapped

@@ -5,27 +5,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.report.inputs import (
-    FileLink,
-    Forecast,
-    PhaseTiming,
-    ReportInputs,
-    RunFacts,
-)
+from serd_app.navigation.comparison import predicted_law
+from serd_app.report.inputs import FileLink, Forecast, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.write import write_report
-from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.navigation import NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.policies.solved_policy import Policy, optimal_policy
+from serd_core.policies.solved_policy import optimal_policy
 from serd_core.priors.divergence import KldPrior
 from serd_core.semi_markov.models import require_timed
+from serd_files.model_file import LearnedDynamics, model_of_fit
+from serd_sim.drivers.strategy import Strategy
 from serd_sim.scenario.grid import navigation_problem_of, start_states_of
 from serd_sim.scenario.scenario import Scenario
-from support.arrival_twin import arrival_by_state
 from support.episodes import episode_result
+
+#: Of the expert.
+WEIGHTS = np.array([5.0, 0.5, 0.1])
 
 
 @pytest.fixture(scope="session")
@@ -64,7 +62,7 @@ def demonstrations(problem: NavigationProblem, start: np.ndarray) -> TimedDecisi
     model = require_timed(problem.mdp.transitions)
     truth = model.parameters_from(outcomes, 1.1, 4.0)
     table = model.local_probabilities(truth)
-    expert = optimal_policy(problem, np.array([5.0, 0.5, 0.1]), table)
+    expert = optimal_policy(problem, WEIGHTS, table)
     return sample_timed_decisions(
         problem.mdp,
         expert.probabilities,
@@ -85,36 +83,36 @@ def fit(problem: NavigationProblem, demonstrations: TimedDecisions) -> FitResult
     )
 
 
-@pytest.fixture(scope="session")
-def policy(problem: NavigationProblem, fit: FitResult) -> Policy:
-    by_decisions = problem.by_decisions
-    return optimal_policy(by_decisions, fit.reward_weights, fit.outcome_probabilities)
+def strategy_of(
+    weights: np.ndarray, scenario: Scenario, problem: NavigationProblem, fit: FitResult
+):
+    """The optimum of the weights, under the outcomes of the fit and moves of about 2 s."""
+    model = require_timed(problem.mdp.transitions)
+    truth = model.parameters_from(fit.outcome_probabilities, 2.0, 4.0)
+    dynamics = LearnedDynamics(truth, truth, np.zeros(problem.grid.n_states))
+    names = {"scenario": scenario.name, "method": "mdce_serd", "prior": "none"}
+    file = model_of_fit(fit, problem, n_episodes=6, dynamics=dynamics, **names)
+    learned = optimal_policy(problem, weights, model.local_probabilities(truth))
+    return Strategy(scenario, problem, learned, file, truth[None], 120.0)
 
 
 @pytest.fixture(scope="session")
-def inputs(scenario, problem, start, demonstrations, fit, policy) -> ReportInputs:
-    arrived = arrival_by_state(
-        problem.by_decisions, policy.probabilities, fit.outcome_probabilities, 60
-    )
-    share = float(arrived.arrival_probability @ start)
-    law = ArrivalLaw(2.0 * np.arange(61), arrived.cdf @ start, share)
+def inputs(scenario, problem, demonstrations, fit) -> ReportInputs:
+    strategy = strategy_of(WEIGHTS, scenario, problem, fit)
+    law = predicted_law(strategy, "train")
     return ReportInputs(
         title="Corner demo",
-        scenario=scenario,
-        problem=problem,
+        strategy=strategy,
         demonstrations=demonstrations,
         demonstration_tracks_m=(np.linspace([0.5, 0.5], [2.5, 5.5], 9),),
         fit=fit,
-        policy=policy,
         episodes=(
             episode_result(0, "arrived", 21.05),
             episode_result(1, "arrived", 24.5, person_on_robot=2),
             episode_result(2, "arrived", 19.0),
             episode_result(3, "timeout", robot_on_person=1),
         ),
-        predicted=law,
         forecasts=tuple(Forecast(f"from place {i}", law) for i in range(3)),
-        timeout_s=120.0,
         run=RunFacts(
             command="serd demo --seed 7",
             how="in process",

@@ -108,12 +108,14 @@ def test_odd_names_are_shown_and_not_obeyed(inputs, tmp_path):
         versions={odd: odd},
         phases=(PhaseTiming(odd, 1.0, 2.0),),
     )
-    areas = inputs.scenario.start_areas_m
-    scenario = inputs.scenario.model_copy(
+    strategy = inputs.strategy
+    areas = strategy.scenario.start_areas_m
+    scenario = strategy.scenario.model_copy(
         update={"name": odd, "start_areas_m": areas | {odd: areas["train"]}}
     )
     files = (FileLink("a <b> & c.yaml", odd),)
-    given = replace(inputs, title=odd, run=run, scenario=scenario, files=files)
+    strategy = replace(strategy, scenario=scenario)
+    given = replace(inputs, title=odd, run=run, strategy=strategy, files=files)
     page = Page(write_report(given, tmp_path).page.read_text(encoding="utf-8"))
     assert "script" not in page.tags
     assert not page.open
@@ -124,7 +126,7 @@ def test_odd_names_are_shown_and_not_obeyed(inputs, tmp_path):
 @pytest.fixture(scope="module")
 def known(inputs):
     """The inputs with a fit by a posterior, and what it knows."""
-    problem, decisions = inputs.problem, inputs.demonstrations
+    problem, decisions = inputs.strategy.problem, inputs.demonstrations
     fit = fit_mdce_serd(problem, decisions)
     posterior = posterior_of(problem, decisions, fit)
     return replace(inputs, fit=fit, knowledge=knowledge_of(problem, posterior))

@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.decision_table import load_decisions
-from serd_app.demonstrations.flow_field import load_flow
-from serd_app.demonstrations.recorded import DemonstrationRecord
+from serd_app.demonstrations.decision_table import DemonstrationRecord, load_decisions, load_flow
 from serd_cli.output.demonstrations import short_names
 from serd_core.grid.grid import Action
 from serd_files.grid_file import load_grid

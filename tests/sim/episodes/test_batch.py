@@ -155,26 +155,18 @@ def test_zones_of_a_person_are_gaps_between_the_bodies():
     assert metrics.personal_share == 0.5
 
 
-def test_speeds_give_standing_share_and_jerk():
-    speeds = (0.0, 0.04, 0.1, 0.1)
-    metrics = metrics_of(*(((2.0, 5.0, 0.0), speed) for speed in speeds))
+def test_motions_and_commands_give_means_over_time():
+    """The way is 3 m; turns go over the border of angles."""
+    yaws, speeds = np.pi - np.array([0.1, -0.1, 0.1, 0.1]), (0.0, 0.04, 0.1, 0.1)
+    commands = [Command(0.0, 0.0), Command(0.1, 1.0), Command(0.1, 0.5), Command(0.1, 0.5)]
+    poses = [(2.0, 5.0 + n, math.remainder(yaw, math.tau)) for n, yaw in enumerate(yaws)]
+    metrics = metrics_of(*zip(poses, speeds, strict=True), commands=commands)
     assert metrics.standing_share == 0.5
     assert metrics.mean_speed_mps == pytest.approx(0.06)
-    second_differences = (0.02, -0.06)
-    assert metrics.mean_abs_jerk_mps3 == pytest.approx(np.abs(second_differences).mean() / 0.05**2)
-
-
-def test_turning_is_per_metre_of_way_and_over_the_border_of_angles():
-    poses = [(2.0, 5.0, math.pi - 0.1), (2.0, 6.0, -math.pi + 0.1), (2.0, 7.0, math.pi - 0.1)]
-    metrics = metrics_of(*((pose, 1.0) for pose in poses))
-    assert metrics.path_irregularity_radpm == pytest.approx(0.4 / 2.0)
-
-
-def test_commands_give_the_mean_change_per_second():
-    commands = [Command(0.0, 0.0), Command(0.1, 1.0), Command(0.1, 0.5)]
-    metrics = metrics_of(*[((2.0, 5.0, 0.0), 0.0)] * 3, commands=commands)
-    assert metrics.mean_abs_acceleration_mps2 == pytest.approx(0.1 / 0.05 / 2)
-    assert metrics.mean_abs_turn_acceleration_radps2 == pytest.approx(1.5 / 0.05 / 2)
+    assert metrics.mean_abs_jerk_mps3 == pytest.approx((0.02 + 0.06) / 2 / 0.05**2)
+    assert metrics.path_irregularity_radpm == pytest.approx(0.4 / 3.0)
+    assert metrics.mean_abs_acceleration_mps2 == pytest.approx(0.1 / 0.05 / 3)
+    assert metrics.mean_abs_turn_acceleration_radps2 == pytest.approx(1.5 / 0.05 / 3)
 
 
 HALLWAY = load_scenario("hallway").with_pedestrian_count(5)
@@ -199,12 +191,15 @@ def seen():
 
 
 def test_robot_and_people_are_drawn_where_they_are():
-    frame = VIEW.frame((3.0, 8.0, 0.0), [[1.0, 2.0], [5.0, 20.0]])
+    def frame_of(*people):
+        return VIEW.frame_at([observation_at(3.0, 8.0, people=people)], 0)
+
+    frame = frame_of([1.0, 2.0], [5.0, 20.0])
     assert frame.dtype == np.uint8
     assert is_coloured(pixel(frame, 3.0, 8.0), BLUE)
     places = ((1.0, 2.0), (5.0, 20.0), (2.0, 12.0))
     assert [is_coloured(pixel(frame, *each), RED) for each in places] == [True, True, False]
-    np.testing.assert_array_equal(VIEW.frame(None, [[100.0, 100.0], [-50.0, 3.0]]), VIEW.frame())
+    np.testing.assert_array_equal(frame_of([100.0, 100.0], [-50.0, 3.0]), frame_of())
 
 
 def test_png_and_gif_hold_the_frames(seen, tmp_path):
@@ -218,7 +213,7 @@ def test_png_and_gif_hold_the_frames(seen, tmp_path):
 
 def test_a_movie_without_frames_or_whose_frames_fail_leaves_nothing_behind(tmp_path):
     def failing():
-        yield VIEW.frame()
+        yield VIEW.frame_at([observation_at(3.0, 8.0)], 0)
         raise RuntimeError("no more")
 
     with pytest.raises(USER_ERRORS, match="record an episode first"):

@@ -1,20 +1,18 @@
 """People found in the lidar alone."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from serd_files.errors import USER_ERRORS
 from serd_sim.perception.scan_people import (
     FASTEST_MPS,
     LidarPeople,
     PeopleTracker,
-    ScanPerception,
     people_in_scan,
 )
-from serd_sim.perception.scanning_planner import ScanMatcher, ScanningPlanner
-from serd_sim.planning.local_planner import make_planner
+from serd_sim.perception.scanning_planner import ScanningPlanner
 from serd_sim.robot.sensors import Lidar
 from serd_sim.safety.reasons import Fault
 from serd_sim.safety.scan import Scan, ScanGeometry
@@ -112,18 +110,12 @@ def test_a_planner_by_scans_knows_nothing_of_people_but_what_the_scans_show():
 
     def commands(observation, people):
         ranges = LIDAR.scan(observation.pose, people[:, 0], people[:, 1])
-        planner = ScanningPlanner(
-            make_planner(HALLWAY).planner, HALLWAY, ScanPerception(HALLWAY), lambda _: ranges
-        )
+        world = SimpleNamespace(scenario=HALLWAY, is_scan_tick=True, scan=lambda _: ranges)
+        planner = ScanningPlanner(world)
         return [planner.step(observation, Waypoint(3.0, 10.0)) for _ in range(3)]
 
     assert commands(blind, ahead) == commands(HALLWAY_SEEN, ahead)
     assert commands(blind, ahead) != commands(blind, np.zeros((0, 2)))
-
-
-def test_a_scan_with_another_number_of_rays_is_refused_with_the_fix():
-    with pytest.raises(USER_ERRORS, match=r"must have 360 rays .*, got \(180,\); set lidar.n_rays"):
-        ScanPerception(HALLWAY).take(HALLWAY_SEEN, np.ones(180, dtype=np.float32))
 
 
 GEOMETRY = ScanGeometry(-math.pi, math.tau / 360, 0.1, 10.0)
@@ -215,39 +207,3 @@ def test_rays_that_meet_nothing_are_no_people_whatever_number_stands_for_them(
     people.take_scan(Scan(1.0, ranges_m, geometry, CENTRE))
     found = seen_at(people, 1.0)
     assert found.position_m == pytest.approx(np.array([WALKER]), abs=0.05)
-
-
-def standing(tick):
-    return observation_at(3.0, 8.0, tick=tick)
-
-
-def scan_at(tick, x_m):
-    return 50_000_000 * tick, LIDAR.scan((3.0, 8.0, 0.0), np.array([x_m]), np.array([8.0]))
-
-
-@pytest.fixture
-def matcher():
-    return ScanMatcher(HALLWAY)
-
-
-@pytest.mark.parametrize("scan_first", [True, False])
-def test_a_scan_counts_once_the_observation_of_its_stamp_is_there(matcher, scan_first):
-    tracker = matcher.planner_on(make_planner(HALLWAY)).perception.tracker
-    steps = [
-        lambda: matcher.take_scan(*scan_at(4, 4.5)),
-        lambda: matcher.take_observation(standing(4)),
-    ]
-    for step in steps if scan_first else reversed(steps):
-        assert not len(tracker.position_m)
-        step()
-    assert tracker.position_m == pytest.approx(np.array([[4.5, 8.0]]), abs=0.05)
-
-
-def test_a_scan_sent_twice_is_taken_once(matcher):
-    """Of two scans of a walker 0.1 s apart, the second one again would make him stand."""
-    planner = matcher.planner_on(make_planner(HALLWAY))
-    for tick, x_m in ((2, 4.5), (4, 4.6), (4, 4.6), (4, 4.6)):
-        matcher.take_observation(standing(tick))
-        matcher.take_scan(*scan_at(tick, x_m))
-    again = planner.perception.tracker.velocity_mps[0, 0]
-    assert again == pytest.approx(0.25, abs=0.05)  # beta times 1 m/s

@@ -200,23 +200,14 @@ def test_the_finer_the_cells_the_nearer_a_wall_may_be_and_the_raster_has_a_milli
     assert margin_m > 0.5 * math.sqrt(2.0) * costs._walls.resolution_m
 
 
-LATER_S = np.array([0.5, 1.0, 2.0])
-RANGE_M = 5.0
-
-
 def predicted(people, velocity=None, *, most=8):
+    """(K, 2, 4) of people within 5 m, now and later."""
     seen = observation_at(1.0, 2.0, people=people, velocity=velocity)
-    return predict_nearby(seen, RANGE_M, most, LATER_S)
-
-
-def now(people):
-    """(K, 2) present positions."""
-    return np.hstack([people.now_x_m, people.now_y_m]).tolist()
+    return predict_nearby(seen, 5.0, most, np.array([0.0, 0.5, 1.0, 2.0]))
 
 
 def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_velocity_stands():
     velocity = [(1.0, 1.0), (math.nan, 1.0), (1.0, math.inf), (1.0, 0.0)]
     people = predicted([(math.nan, 2.0), (2.0, 2.0), (2.0, 3.0), (2.0, 4.0)], velocity)
-    assert now(people) == [[2.0, 2.0], [2.0, 3.0], [2.0, 4.0]]
-    np.testing.assert_array_equal(people.x_m, [[2.0] * 3, [2.0] * 3, [2.5, 3.0, 4.0]])
-    np.testing.assert_array_equal(people.y_m, [[2.0] * 3, [3.0] * 3, [4.0] * 3])
+    np.testing.assert_array_equal(people[:, 0], [[2.0] * 4, [2.0] * 4, [2.0, 2.5, 3.0, 4.0]])
+    np.testing.assert_array_equal(people[:, 1], [[2.0] * 4, [3.0] * 4, [4.0] * 4])

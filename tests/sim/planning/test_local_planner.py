@@ -144,6 +144,12 @@ def test_a_wall_of_standing_people_makes_the_robot_wait_in_front_of_it(planner):
     assert np.abs(speeds[-20:]).max() < 0.3
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_robot_with_its_back_to_a_waypoint_turns_in_place_by_the_shorter_way(planner, side):
+    command = planner.step(observation_at(3.0, 8.0, side * 2.5), Waypoint(4.0, 8.0))
+    assert (command.linear_mps, np.sign(command.angular_radps)) == (0.0, -side)
+
+
 def test_a_person_who_leans_on_the_robot_does_not_keep_it_from_leaving(planner):
     observation = observation_at(2.0, 8.0, 0.0, people=[(1.55, 8.0)], velocity=[(0.2, 0.0)])
     assert planner.step(observation, Waypoint(4.0, 8.0)).linear_mps > 0.1

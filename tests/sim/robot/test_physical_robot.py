@@ -8,7 +8,6 @@ import pytest
 from serd_sim.errors import SimError
 from serd_sim.robot.bullet import PERSON_MASS_KG, near_people, pybullet
 from serd_sim.robot.physical_robot import PhysicalRobot
-from serd_sim.robot.robot import standing_at
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.world import HallwayWorld
 from support.wheeled_robots import physical
@@ -22,7 +21,7 @@ ROLLING_KG = MASS_KG + 2.0 * 0.0026 / WHEEL_RADIUS_M**2
 def started(world, x_m=3.0, y_m=8.0, yaw_rad=0.0):
     """Put the robot of the world somewhere, where its odometry has it too; its pose then."""
     world.reset(0)
-    world._robot.place(standing_at((x_m, y_m, yaw_rad)))
+    world._robot.place((x_m, y_m, yaw_rad))
     world._odometry.pose = world._robot.state.pose
     return world._robot.state.pose
 
@@ -97,7 +96,7 @@ def test_a_walking_person_pushes_a_freely_rolling_robot_with_conserved_momentum(
     The robot is hit above its centre of mass and rocks on its casters, so w is not quite u.
     """
     robot = PhysicalRobot(physical(people=1, wheel_torque_nm=1e-9), 0.25)
-    robot.place(standing_at((3.0, 8.0, 0.0)))
+    robot.place((3.0, 8.0, 0.0))
     assert robot.roll((0.0, 0.0), {0: ((2.48, 8.0), (1.0, 0.0))}) == ({0}, False)
     robot._observe((0.0, 0.0))
     (_, (person_mps, sideways_mps)), motion = robot.people.motion(0), robot.state
@@ -120,7 +119,7 @@ def test_a_drive_among_people_who_bump_into_the_robot_repeats_bit_for_bit(place_
         drives = []
         for _ in range(2):
             world.reset(0)
-            world._robot.place(standing_at(place_m))
+            world._robot.place(place_m)
             seen = [world.step(Command(0.6, 0.3)) for _ in range(100)]
             poses = [(each.pose, each.people_position_m.tobytes()) for each in seen]
             drives.append((poses, world.contacts, world.minimum_person_distance_m))
@@ -131,19 +130,16 @@ def test_a_drive_among_people_who_bump_into_the_robot_repeats_bit_for_bit(place_
 
 def test_a_robot_driven_at_a_wall_stays_out_of_it_and_the_contact_counts_once():
     with HallwayWorld(physical(), seed=1) as world:
-        world.reset(0)
-        world._robot.place(standing_at((5.0, 8.0, 0.0)))
-        for _ in range(60):
-            seen = world.step(Command(1.0, 0.0))
-    assert seen.x_m == pytest.approx(5.75, abs=0.01)
+        started(world, 5.0)
+        path = driven(world, Command(1.0, 0.0), 60)
+    assert path[-1, 0] == pytest.approx(5.75, abs=0.01)
     assert world.contacts.robot_on_wall == 1
 
 
 def meeting(robot_mps, person_mps, **robot):
     """(contacts, robot's x, person's x): the robot begins at x = 2 m and a person at x = 3 m."""
     with HallwayWorld(blind(1, **robot), seed=1) as world:
-        world.reset(0)
-        world._robot.place(standing_at((2.0, 8.0, 0.0)))
+        started(world, 2.0)
         crowd = world._crowd
         crowd.x_m[0], crowd.y_m[0] = 3.0, 8.0
         places = []

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from serd_sim.safety.collision_monitor import CollisionMonitor, Obstacles
-from serd_sim.safety.guard import in_frame
+from serd_sim.safety.motion import compose, in_frame, motion_between
 from serd_sim.safety.reasons import Fault, GuardAction, Reason, Source
 from serd_sim.safety.settings import GuardSettings
+from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.command import Command, limited_velocity
 
@@ -53,6 +54,23 @@ commands = st.builds(Command, st.floats(-0.3, 1.2), st.floats(-3.5, 3.5))
 places = st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
 
 
+poses = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-3.1, 3.1))
+
+
+@given(start=poses, end=poses)
+def test_a_pose_and_the_motion_from_it_give_the_pose_of_the_end(start, end):
+    motion = motion_between(start, end)
+    assert compose(start, motion) == pytest.approx(end, abs=1e-9)
+    assert in_frame(np.array([end[:2]]), start)[0] == pytest.approx(motion[:2], abs=1e-9)
+
+
+def test_a_slow_lidar_leaves_the_guard_time_to_slow_down_before_a_scan_is_old():
+    """At 2 Hz two scans are expected within 1.25 s; the robot drives slower from 0.75 s on."""
+    slow = load_scenario("hallway").with_values("lidar", rate_hz=2.0)
+    settings = GuardSettings.of_scenario(slow)
+    assert (settings.source_timeout, settings.slowdown_timeout) == pytest.approx((1.25, 0.75))
+
+
 @given(
     points=st.lists(places.filter(lambda p: math.hypot(*p) > 0.28), min_size=1, max_size=6),
     wanted=st.lists(commands, min_size=1, max_size=8),
@@ -89,6 +107,15 @@ def test_a_robot_that_touches_something_may_turn_and_drive_away_but_not_into_it(
         assert monitor.step(command, (0.0, 0.0), seen)[0] == command
     command, action, _ = monitor.step(Command(0.5, 1.0), (0.0, 0.0), obstacles(wall_ahead(0.25)))
     assert (command, action) == (Command(0.0, 1.0), GuardAction.STOP)
+
+
+@pytest.mark.parametrize(("side", "passes"), [(1.0, False), (-1.0, True)])
+def test_an_obstacle_on_the_inner_side_of_a_turn_slows_the_robot_and_one_outside_does_not(
+    side, passes
+):
+    turn, seen = Command(0.8, 3.0), obstacles([(0.3, 0.2 * side), (0.3, 0.21 * side)])
+    command, _, _ = CollisionMonitor(SETTINGS).step(turn, (0.8, 3.0), seen)
+    assert (command == turn) == passes
 
 
 def test_a_robot_may_follow_a_wall_that_is_nearer_than_the_margin():

@@ -3,6 +3,7 @@
 Each fault has a healthy twin that travels more than 5 m and stands before the wall."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -291,20 +292,24 @@ def at(away_m, bearing):
 
 
 @pytest.mark.parametrize("bearing", [0.0, 1.0, math.pi, -math.pi + 0.01])
-def test_a_person_is_seen_unseen_or_hidden(bearing):
-    person = np.array([at(3.0, bearing)])
-    assert shown_by(scan_of((3.0, bearing)), person, RADIUS_M) == (1, 0)
-    assert shown_by(scan_of((3.3, bearing)), person, RADIUS_M) == (1, 0)
-    assert shown_by(scan_of(), person, RADIUS_M) == (0, 1)
-    assert shown_by(scan_of((3.0, bearing + 0.5)), person, RADIUS_M) == (0, 1)
-    assert shown_by(scan_of((1.5, bearing)), person, RADIUS_M) == (0, 0)
-
-
-def test_people_whom_no_scan_could_show_count_as_neither():
-    assert shown_by(scan_of(), np.array([at(5.5, 0.0), at(0.4, 1.0)]), RADIUS_M) == (0, 0)
-    lost = Scan(0.0, np.full(720, np.inf, dtype=np.float32), GEOMETRY)
-    assert shown_by(lost, np.array([at(3.0, 0.0)]), RADIUS_M) == (0, 0)
-    assert shown_by(scan_of(), np.zeros((0, 2)), RADIUS_M) == (0, 0)
+@pytest.mark.parametrize(
+    ("body", "person_m", "counts"),
+    [
+        ((3.0, 0.0), 3.0, (1, 0)),
+        ((3.3, 0.0), 3.0, (1, 0)),
+        (None, 3.0, (0, 1)),
+        ((3.0, 0.5), 3.0, (0, 1)),
+        ((1.5, 0.0), 3.0, (0, 0)),  # who is hidden
+        (None, 5.5, (0, 0)),
+        (None, 0.4, (0, 0)),
+    ],
+)
+def test_a_person_is_seen_unseen_or_in_no_view_of_a_scan(bearing, body, person_m, counts):
+    scan = scan_of() if body is None else scan_of((body[0], bearing + body[1]))
+    assert shown_by(scan, np.array([at(person_m, bearing)]), RADIUS_M) == counts
+    assert shown_by(scan, np.zeros((0, 2)), RADIUS_M) == (0, 0)
+    lost = replace(scan, ranges_m=np.full_like(scan.ranges_m, np.inf))
+    assert shown_by(lost, np.array([at(3.0, bearing)]), RADIUS_M) == (0, 0)
 
 
 SHORT = ScanGeometry(-math.pi, math.tau / 360, 0.12, 3.5)

@@ -197,24 +197,18 @@ HALLWAY = load_scenario("hallway")
 GRID = grid_of(HALLWAY)
 
 
-@pytest.mark.parametrize(
-    ("x_m", "y_m", "expected"),
-    [
+def test_people_keep_right_and_make_no_flow_where_there_are_none():
+    flow = flow_of(HALLWAY, GRID)
+    for *place, expected in (
         (4.5, 8.5, Action.NORTH),
         (1.5, 8.5, Action.SOUTH),
         (9.5, 16.5, Action.EAST),
         (9.5, 19.5, Action.WEST),
-    ],
-)
-def test_people_keep_right(x_m, y_m, expected):
-    assert flow_of(HALLWAY, GRID)[GRID.state_at(x_m, y_m)] == expected
-
-
-def test_there_is_no_flow_without_people():
+    ):
+        assert flow[GRID.state_at(*place)] == expected
     assert (flow_of(HALLWAY.with_pedestrian_count(0), GRID) == -1).all()
 
 
-def test_wall_distance_in_the_middle_of_the_hallway_is_half_its_width_less_half_a_cell():
-    distance = wall_distance_of(HALLWAY, GRID)
-    assert distance[GRID.state_at(2.5, 10.5)] == pytest.approx(2.5)
-    assert distance[GRID.state_at(0.5, 10.5)] == pytest.approx(0.5)
+def test_wall_distances_are_those_of_the_centres_of_cells():
+    distance_m = wall_distance_of(HALLWAY, GRID)
+    assert distance_m[[GRID.state_at(x_m, 10.5) for x_m in (2.5, 0.5)]] == pytest.approx([2.5, 0.5])

@@ -39,12 +39,7 @@ def test_a_move_goes_straight_on_to_a_cell_a_metre_beyond_the_next_one(place, ac
 def test_the_waypoint_is_a_metre_beyond_the_next_cell_whatever_the_size_of_cells(
     cell_size_m, n_cells
 ):
-    corridor = (
-        (0.0, 0.0),
-        (20 * cell_size_m, 0.0),
-        (20 * cell_size_m, cell_size_m),
-        (0.0, cell_size_m),
-    )
+    corridor = cell_size_m * np.array([[0, 0], [20, 0], [20, 1], [0, 1]])
     cells = cells_with_clearance(corridor, (), cell_size_m, 0.0)
     start = observation_at(0.5 * cell_size_m, 0.5 * cell_size_m)
     ahead = waypoint_of_intent(cells, start, Action.EAST)

@@ -3,7 +3,6 @@
 import math
 import subprocess
 import sys
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +12,7 @@ from hypothesis import strategies as st
 
 from serd_files.errors import USER_ERRORS
 from serd_sim.crowd.robots import RobotBody
-from serd_sim.robot.robot import ContactCounter, ContactCounts, Touches, standing_at
+from serd_sim.robot.robot import ContactCounter, ContactCounts, Touches
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
 from serd_sim.world.command import STOP, Command, limited_velocity
@@ -65,8 +64,7 @@ def test_time_runs_on_over_episodes_and_leaves_a_gap_that_observations_show():
 def test_a_constant_command_drives_the_exact_circle():
     with HallwayWorld(KINEMATIC, seed=1) as world:
         world.reset(0)
-        standing = standing_at((3.0, 8.0, 0.0))
-        world._robot.place(replace(standing, speed_mps=0.5, yaw_rate_radps=1.0))
+        world._robot.place((3.0, 8.0, 0.0), speed_mps=0.5, yaw_rate_radps=1.0)
         for _ in range(100):
             seen = world.step(Command(0.5, 1.0))
     expected = 3.0 + 0.5 * math.sin(5.0), 8.0 + 0.5 * (1 - math.cos(5.0)), 5.0 - 2 * math.pi
@@ -79,7 +77,7 @@ def test_a_constant_command_drives_the_exact_circle():
 def test_a_command_that_is_not_finite_stops_the_robot(scenario, bad, rocking_mps):
     with HallwayWorld(scenario, seed=1) as world:
         world.reset(0)
-        world._robot.place(standing_at((3.0, 5.0, math.pi / 2)))
+        world._robot.place((3.0, 5.0, math.pi / 2))
         for command in [Command(1.0, 0.0)] * 20 + [Command(bad, 0.0)] * 10:
             seen = world.step(command)
         assert abs(seen.speed_mps) <= rocking_mps
@@ -106,15 +104,12 @@ class Crowd(SimpleNamespace):
         return len(self.x_m)
 
 
-def one_person(x_m, velocity_x_mps=0.0):
-    """A person in front of the robot, on its line."""
-    return Crowd(
-        x_m=np.array([x_m]),
-        y_m=np.zeros(1),
-        velocity_x_mps=np.array([velocity_x_mps]),
-        velocity_y_mps=np.zeros(1),
-        body_radius_m=0.25,
-    )
+def crowd_at(*x_m, velocity_x_mps=0.0):
+    """People in front of the robot, on its line."""
+    x_m = np.array(x_m)
+    y_m, velocity_mps = np.zeros_like(x_m), np.full_like(x_m, velocity_x_mps)
+    velocity = {"velocity_x_mps": velocity_mps, "velocity_y_mps": y_m}
+    return Crowd(x_m=x_m, y_m=y_m, **velocity, body_radius_m=0.25)
 
 
 def robot(velocity_x_mps=0.0):
@@ -133,7 +128,7 @@ def robot(velocity_x_mps=0.0):
 )
 def test_a_contact_is_of_the_one_who_closes_in_faster(robots_mps, persons_mps, who):
     counter = ContactCounter(1)
-    counter.update(one_person(0.49, persons_mps), robot(robots_mps), FAR_FROM_WALLS_M)
+    counter.update(crowd_at(0.49, velocity_x_mps=persons_mps), robot(robots_mps), FAR_FROM_WALLS_M)
     counted = counter.counts.robot_on_person, counter.counts.person_on_robot
     assert counted == (who == "robot", who == "person")
 
@@ -142,7 +137,7 @@ def test_a_bump_that_trembles_counts_once_and_one_after_parting_again():
     counter = ContactCounter(1)
     counted, gaps_m = [], []
     for x_m in (0.8, 0.49, 0.52, 0.49, 0.53, 0.45, 0.56, 0.49):
-        counter.update(one_person(x_m), robot(), FAR_FROM_WALLS_M)
+        counter.update(crowd_at(x_m), robot(), FAR_FROM_WALLS_M)
         counted.append(counter.counts.person_on_robot)
         gaps_m.append(counter.minimum_distance_m)
     assert counted == [0, 1, 1, 1, 1, 1, 1, 2]
@@ -151,9 +146,8 @@ def test_a_bump_that_trembles_counts_once_and_one_after_parting_again():
 
 def test_alone_the_robot_touches_walls_only():
     counter = ContactCounter(0)
-    empty = Crowd(x_m=np.zeros(0))
     for distance_m in (0.3, 0.24, 0.26, 0.24, 0.4, 0.24):
-        counter.update(empty, robot(0.5), distance_m)
+        counter.update(crowd_at(), robot(0.5), distance_m)
     assert counter.counts.robot_on_wall == 2
     assert counter.minimum_distance_m == np.inf
 
@@ -161,7 +155,7 @@ def test_alone_the_robot_touches_walls_only():
 def test_touches_of_the_physics_count_as_they_are():
     """Circles that overlap do not; a person 3 cm away has bounced off within the period."""
     counter = ContactCounter(1)
-    counter.update(one_person(0.49), robot(), 0.24, Touches({}, False))
+    counter.update(crowd_at(0.49), robot(), 0.24, Touches({}, False))
     assert counter.counts == ContactCounter(1).counts
     for people, wall, x_m in (
         ({0: True}, False, 0.53),
@@ -170,7 +164,7 @@ def test_touches_of_the_physics_count_as_they_are():
         ({}, False, 0.6),
         ({0: False}, True, 0.5),
     ):
-        counter.update(one_person(x_m), robot(), FAR_FROM_WALLS_M, Touches(people, wall))
+        counter.update(crowd_at(x_m), robot(), FAR_FROM_WALLS_M, Touches(people, wall))
     assert counter.counts == ContactCounts(1, 1, 1)
 
 

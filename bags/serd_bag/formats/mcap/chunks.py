@@ -1,34 +1,27 @@
-"""Chunks of MCAP files: their heads, also where a chain of records is broken, and their records.
-
-The index behind a chunk, which players trust, is compared with the messages in the chunk.
-"""
+"""Chunks of MCAP files: their heads, also where a chain of records is broken, and their records."""
 
 import re
 import struct
 import zlib
-from array import array
+from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
 from typing import Any, NamedTuple
 
 import lz4.frame
-import numpy as np
 import zstandard
-from mcap.opcode import Opcode
-from numpy.typing import NDArray
 
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, most_unpacked
-from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD
+from serd_bag.formats.mcap.records import RECORD_HEAD
 from serd_bag.formats.mcap.window import FileWindow
 
 #: first and last log time, size and checksum of the records, length of the compression's name
 _FIELDS = struct.Struct("<QQQII")
 _LONGEST_NAME = 16
 _SIZE = struct.Struct("<Q")
-_PIECE = 1 << 20
-#: Bytes of which zstd makes 32 MiB at most.
-_ZSTD_PIECE = 1024
+#: Bytes that are decompressed at once: zstd makes 32 MiB of them at most, lz4 copies the rest.
+_ZSTD_PIECE, _LZ4_PIECE = 1024, 1 << 20
 #: More bytes than this after the fields of an empty chunk are its records, not an extension.
 _LARGEST_EXTENSION = 1024
 #: Bytes with which a chunk can begin: opcode, length, times, sizes, checksum, compression.
@@ -36,12 +29,6 @@ CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{28}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{5}\0{3}", re.DOTALL
 )
 LONGEST_HEAD = RECORD_HEAD.size + _FIELDS.size + _LONGEST_NAME + _SIZE.size
-#: channel, size of the entries in bytes; log time, offset
-INDEX_HEAD_SIZE = 6
-ENTRY_SIZE = 16
-_MESSAGE = int(Opcode.MESSAGE)
-#: (number of messages, 3): channel, log time, offset in the chunk
-_Positions = NDArray[np.uint64]
 
 
 class ChunkHead(NamedTuple):
@@ -56,7 +43,7 @@ class ChunkHead(NamedTuple):
     data_size: int
 
 
-def chunk_head(record: bytes) -> ChunkHead:
+def chunk_head(record: bytes | bytearray) -> ChunkHead:
     """The head of a chunk record; BagError where it is none."""
     try:
         start = RECORD_HEAD.size
@@ -136,7 +123,7 @@ class ChunkUnpacker:
         data = memoryview(block)[first : first + head.data_size]
         if len(data) < head.data_size:
             raise BagError("a chunk is longer than its record")
-        unpacked = self._unpacked(head, data)
+        unpacked = self._decompressed(head, data) if head.compression else None
         records = data if unpacked is None else unpacked
         if head.checksum and zlib.crc32(records) != head.checksum:
             raise BagError("the checksum of a chunk does not fit its content")
@@ -144,53 +131,36 @@ class ChunkUnpacker:
             return block, first, first + len(data)
         return unpacked, 0, len(unpacked)
 
-    def _unpacked(self, head: ChunkHead, data: memoryview) -> bytes | None:
-        """Decompress the records; returns None if the head names no compression."""
-        if head.compression == "":
-            return None
+    def _decompressed(self, head: ChunkHead, data: memoryview) -> bytes:
+        """Decompress the records, in pieces unless the frame or the head states their size."""
         try:
             if head.compression == "zstd":
-                return self._unpacked_zstd(head, data)
+                size = zstandard.frame_content_size(data)
+                size = head.size if size < 0 else size
+                if 0 < size <= LARGEST_CONTENT:
+                    self._use(size)
+                    with suppress(zstandard.ZstdError):
+                        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+                decompressor = zstandard.ZstdDecompressor().decompressobj()
+                return self._joined(_zstd_parts(decompressor, data), decompressor)
             if head.compression == "lz4":
-                return self._unpacked_lz4(data)
+                decompressor = lz4.frame.LZ4FrameDecompressor()
+                return self._joined(_lz4_parts(decompressor, data), decompressor)
         except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
             raise BagError(f"a chunk cannot be unpacked ({error})") from None
         known = "zstd, lz4 or none"
         raise BagError(f"compression of a chunk must be {known}, got {head.compression!r}")
 
-    def _unpacked_zstd(self, head: ChunkHead, data: memoryview) -> bytes:
-        """Decompress at once if the frame or the head has the right size, else in pieces."""
-        size = zstandard.frame_content_size(data)
-        size = head.size if size < 0 else size
-        if 0 < size <= LARGEST_CONTENT:
-            self._use(size)
-            with suppress(zstandard.ZstdError):
-                return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-        decompressor = zstandard.ZstdDecompressor().decompressobj()
+    def _joined(self, parts: Iterator[bytes], decompressor: Any) -> bytes:
         records = BytesIO()
-        for start in range(0, len(data), _ZSTD_PIECE):
-            self._append(records, decompressor.decompress(data[start : start + _ZSTD_PIECE]))
-        return _whole(records, decompressor)
-
-    def _unpacked_lz4(self, data: memoryview) -> bytes:
-        """Decompress in pieces, since the library copies what it does not take at once."""
-        decompressor = lz4.frame.LZ4FrameDecompressor()
-        records = BytesIO()
-        for start in range(0, len(data), _PIECE):
-            piece = bytes(data[start : start + _PIECE])
-            while not decompressor.eof:
-                part = decompressor.decompress(piece, max_length=_PIECE)
-                self._append(records, part)
-                piece = b""
-                if decompressor.needs_input or not part:
-                    break
-        return _whole(records, decompressor)
-
-    def _append(self, records: BytesIO, part: bytes) -> None:
-        self._use(len(part))
-        if records.tell() + len(part) > LARGEST_CONTENT:
-            raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, it has more")
-        records.write(part)
+        for part in parts:
+            self._use(len(part))
+            if records.tell() + len(part) > LARGEST_CONTENT:
+                raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, it has more")
+            records.write(part)
+        if not decompressor.eof:
+            raise BagError("a chunk cannot be unpacked (it ends early)")
+        return records.getvalue()
 
     def _use(self, n_bytes: int) -> None:
         self._n_left -= n_bytes
@@ -198,71 +168,17 @@ class ChunkUnpacker:
             raise BagError("the file unpacks to more than one of its size can hold")
 
 
-def _whole(records: BytesIO, decompressor: Any) -> bytes:
-    if not decompressor.eof:
-        raise BagError("a chunk cannot be unpacked (it ends early)")
-    return records.getvalue()
+def _zstd_parts(decompressor: Any, data: memoryview) -> Iterator[bytes]:
+    for start in range(0, len(data), _ZSTD_PIECE):
+        yield decompressor.decompress(data[start : start + _ZSTD_PIECE])
 
 
-def entries_end(content: bytes) -> int:
-    """Where the entries of a message index end, by the size it declares."""
-    return INDEX_HEAD_SIZE + int.from_bytes(content[2:INDEX_HEAD_SIZE], "little")
-
-
-class MessageIndexes:
-    """The index records behind one chunk."""
-
-    def __init__(self) -> None:
-        self._expected: _Positions | None = None
-        self._found: list[_Positions] = []
-        self._n_found = 0
-        self._n_indexes = 0
-
-    def begin(self, block: bytes, start: int, end: int, most: int) -> None:
-        """Expect an index of the chunk whose records are there; most: records to read."""
-        self._expected = _positions(block, start, end, most)
-
-    def add(self, content: bytes) -> None:
-        """Take one message index of the chunk; more entries than it has messages are not kept."""
-        self._n_indexes += 1
-        n_entries = max(0, entries_end(content) - INDEX_HEAD_SIZE) // ENTRY_SIZE
-        self._n_found += n_entries
-        if self._expected is None or self._n_found > len(self._expected):
-            return
-        entries = np.frombuffer(content, "<u8", 2 * n_entries, INDEX_HEAD_SIZE).reshape(-1, 2)
-        channel = int.from_bytes(content[:2], "little")
-        self._found.append(np.column_stack([np.full(n_entries, channel, np.uint64), entries]))
-
-    def fit(self) -> bool:
-        """Whether each message is listed where it is; the next chunk may then be added.
-
-        A chunk without any index is as good: the format leaves them to the writer.
-        """
-        expected, found, n_found = self._expected, self._found, self._n_found
-        has_index = self._n_indexes > 0
-        self._expected, self._found, self._n_found, self._n_indexes = None, [], 0, 0
-        if expected is None or not has_index:
-            return True
-        return n_found == len(expected) and np.array_equal(
-            _sorted(np.concatenate([expected[:0], *found])), _sorted(expected)
-        )
-
-
-def _sorted(positions: _Positions) -> _Positions:
-    return positions[np.lexsort(positions.T)]
-
-
-def _positions(block: bytes, start: int, end: int, most: int) -> _Positions:
-    """(channel, log time, offset) of each message."""
-    found = array("Q")
-    offset = start
-    for _ in range(most):
-        if offset + RECORD_HEAD.size > end:
-            break
-        opcode, length = RECORD_HEAD.unpack_from(block, offset)
-        following = offset + RECORD_HEAD.size + length
-        if opcode == _MESSAGE and offset + MESSAGE_HEAD.size <= following <= end:
-            _, _, channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(block, offset)
-            found.extend((channel, log_time, offset - start))
-        offset = following
-    return np.frombuffer(found, np.uint64).reshape(-1, 3)
+def _lz4_parts(decompressor: Any, data: memoryview) -> Iterator[bytes]:
+    for start in range(0, len(data), _LZ4_PIECE):
+        piece = bytes(data[start : start + _LZ4_PIECE])
+        while not decompressor.eof:
+            part = decompressor.decompress(piece, max_length=_LZ4_PIECE)
+            yield part
+            piece = b""
+            if decompressor.needs_input or not part:
+                break

@@ -12,29 +12,32 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
 from serd_bag.damage import DamageLog
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, most_records
 from serd_bag.formats.mcap.chunks import (
     CHUNK_PATTERN,
-    ENTRY_SIZE,
-    INDEX_HEAD_SIZE,
     LONGEST_HEAD,
     ChunkHead,
     ChunkUnpacker,
-    MessageIndexes,
     chunk_head,
-    entries_end,
 )
 from serd_bag.formats.mcap.definitions import DEFINITIONS
 from serd_bag.formats.mcap.file_end import FileEnd
-from serd_bag.formats.mcap.records import RECORD_HEAD, check_record
-from serd_bag.formats.mcap.summary_index import MOST_COPIED, entry_of_chunk
+from serd_bag.formats.mcap.records import RECORD_HEAD, copied_index
+from serd_bag.formats.mcap.summary_index import (
+    ENTRY_SIZE,
+    INDEX_HEAD_SIZE,
+    MOST_COPIED,
+    entry_of_chunk,
+)
 from serd_bag.formats.mcap.window import FileWindow
 
 #: Records that an area outside of chunks can hold.
@@ -47,6 +50,8 @@ _CHECKSUM = struct.Struct("<I")
 #: where it does.
 _RUN_PATTERN = re.compile(rb"[\x03-\x05].{5}\0{3}", re.DOTALL)
 _LEAST_RUN = 4
+#: (number of messages, 3): channel, log time, offset in the chunk
+_Positions = NDArray[np.uint64]
 
 
 class Area(NamedTuple):
@@ -66,7 +71,9 @@ class DataSection:
     """One walk through the data section of a file.
 
     Where its reader has read an area, it sets n_records to the records left that may be read,
-    consumed to the place in the block where it stopped, and last to that of the last record before.
+    consumed to the place in the block where it stopped, and last to that of the last record before;
+    to positions, where these are not None, it adds channel, log time and offset in the area of each
+    message.
     copied: (offset, length) of each sound attachment and metadata record; visited: offsets of
     chunks; ended: whether the record at the end of the data was found; has_checksums: whether all
     that was read has them.
@@ -77,12 +84,17 @@ class DataSection:
     ) -> None:
         self.n_records = most_records(size)
         self.consumed = self.last = 0
+        self.positions: array[int] | None = None
         self.copied: list[tuple[int, int]] = []
         self.visited: set[int] = set()
         self.ended = False
         self.has_checksums = True
         self._window, self._end, self._log = window, end, log
-        self._indexes = MessageIndexes() if thorough else None
+        self._thorough = thorough
+        #: of the indexes behind the last chunk: entries, as many as the chunk has messages, number
+        #: of all entries and of indexes; the entry of the summary that the chunk should have
+        self._indexed: list[_Positions] = []
+        self._n_entries = self._n_indexes = 0
         self._entry: ChunkIndex | None = None
         self._limit = window.size if end.data_limit is None else end.data_limit
         self._unpacker = ChunkUnpacker(window, self._limit, size)
@@ -160,7 +172,7 @@ class DataSection:
         del self._later[bisect_right(self._later, -start) :]
         while self._later and -self._later[-1] < end:
             place = -self._later[-1]
-            length = int.from_bytes(self._window.peek(place, RECORD_HEAD.size)[1:], "little")
+            length = int.from_bytes(self._window.read(place, RECORD_HEAD.size)[1:], "little")
             if RECORD_HEAD.size + length == index.length(bisect_left(index.starts, place)):
                 return place
             self._later.pop()
@@ -202,20 +214,9 @@ class DataSection:
             found = self._window.search(_RUN_PATTERN, place, RECORD_HEAD.size)
             if found is None or found >= limit:
                 return limit
-            if self._is_run(found):
+            if self._are_records(found, _LEAST_RUN, _LAST_OPCODE):
                 return found
             place = found + 1
-
-    def _is_run(self, offset: int) -> bool:
-        """Whether some records of known kinds follow each other from there on."""
-        for _ in range(_LEAST_RUN):
-            if offset == self._limit:
-                return True
-            if not self._begins_record(offset) or self._window.read(offset, 1)[0] > _LAST_OPCODE:
-                return False
-            _, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
-            offset += RECORD_HEAD.size + length
-        return True
 
     def _chunk(self, length: int) -> Iterator[Area]:
         self._check_index()
@@ -235,13 +236,12 @@ class DataSection:
             self.note(str(error))
             if is_guess or self._has_chunks:
                 self._sound_end = max(self._sound_end, offset + 1)
-            if self._unpacker.may_try and (is_guess or not self._begins_record(end)):
+            if self._unpacker.may_try and (is_guess or not self._are_records(end, 1)):
                 self._offset = self._next_chunk()
             else:
                 self._offset = min(end, self._limit)
             return
-        if self._indexes is not None:
-            self._indexes.begin(*area[:3], self.n_records)
+        self.positions = array("Q") if self._thorough else None
         yield area
 
     def _records_of(self, head: ChunkHead, length: int, is_guess: bool) -> Area:
@@ -262,10 +262,10 @@ class DataSection:
         fits = size <= record_size and self._offset + record_size <= self._limit
         self._sound_end = self._offset + size
         extended = fits and size < record_size
-        if not fits or (extended and self._begins_known_record(self._sound_end)):
+        if not fits or (extended and self._are_records(self._sound_end, 2, _LAST_OPCODE)):
             self.note("the length of a chunk record is wrong")
             record_size = size
-        if self._indexes is not None:
+        if self._thorough:
             self._entry = entry_of_chunk(head, self._offset, record_size)
         self._offset += record_size
         self._chunk_end = self._offset
@@ -307,7 +307,7 @@ class DataSection:
             self.note(f"it has more than {MOST_COPIED} attachments and metadata records")
         elif opcode in _COPIED:
             try:
-                check_record(self._window, offset, end - offset)
+                copied_index(self._window, offset, end - offset, verify=True)
                 self.copied.append((offset, end - offset))
             except BagError as error:
                 self.note(str(error))
@@ -317,40 +317,49 @@ class DataSection:
         """Whether the record behind a chunk or its index is an index, by all but its opcode."""
         if self._offset != self._chunk_end or (length - INDEX_HEAD_SIZE) % ENTRY_SIZE:
             return False
-        start = self._offset + RECORD_HEAD.size
-        return entries_end(self._window.read(start, INDEX_HEAD_SIZE)) == length
+        head = self._window.read(self._offset + RECORD_HEAD.size, INDEX_HEAD_SIZE)
+        return INDEX_HEAD_SIZE + int.from_bytes(head[2:], "little") == length
 
     def _message_index(self, end: int) -> int:
-        """Where the record ends."""
+        """Keep the entries of a message index; returns where its record ends."""
         start = self._offset + RECORD_HEAD.size
         content = self._window.read(start, end - start)
-        entries = entries_end(content)
-        if entries > len(content):
+        channel, size = (int.from_bytes(part, "little") for part in (content[:2], content[2:6]))
+        entries_end = start + INDEX_HEAD_SIZE + size
+        if entries_end > end:
             self.note("a message index is longer than its record")
             return end
-        if self._indexes is not None:
-            self._indexes.add(content)
-        self._sound_end = start + entries
-        if entries < len(content) and self._begins_known_record(start + entries):
+        self._n_indexes += 1
+        n_entries = size // ENTRY_SIZE
+        self._n_entries += n_entries
+        if self.positions is not None and self._n_entries <= len(self.positions) // 3:
+            entries = np.frombuffer(content, "<u8", 2 * n_entries, INDEX_HEAD_SIZE).reshape(-1, 2)
+            channels = np.full(n_entries, channel, np.uint64)
+            self._indexed.append(np.column_stack([channels, entries]))
+        self._sound_end = entries_end
+        if entries_end < end and self._are_records(entries_end, 2, _LAST_OPCODE):
             self.note("the length of a message index is wrong")
-            end = start + entries
+            end = entries_end
         self._chunk_end = end
         if self._entry is not None:
-            self._entry.message_index_offsets[int.from_bytes(content[:2], "little")] = self._offset
+            self._entry.message_index_offsets[channel] = self._offset
             self._entry.message_index_length += end - self._offset
         return end
 
     def _check_index(self) -> None:
         """Compare the last chunk with the index behind it and with its entry in the summary."""
-        entry, self._entry = self._entry, None
-        if self._indexes is None:
-            return
-        if not self._indexes.fit():
-            self.note("the message index before this does not fit its chunk")
-        if entry is not None:
-            fault = self._end.index.fault_of_chunk(entry)
-            if fault:
-                self._log.note(entry.chunk_start_offset, fault)
+        entry, positions, has_index = self._entry, self.positions, self._n_indexes > 0
+        if positions is not None and has_index:  # which the format leaves to the writer
+            expected = np.frombuffer(positions, np.uint64).reshape(-1, 3)
+            indexed = np.concatenate([expected[:0], *self._indexed])
+            is_whole = self._n_entries == len(expected)
+            if not (is_whole and np.array_equal(_sorted(indexed), _sorted(expected))):
+                self.note("the message index before this does not fit its chunk")
+        self._entry, self.positions, self._indexed = None, None, []
+        self._n_entries = self._n_indexes = 0
+        fault = "" if entry is None else self._end.index.fault_of_chunk(entry)
+        if entry is not None and fault:
+            self._log.note(entry.chunk_start_offset, fault)
 
     def _check_data(self, length: int) -> None:
         """Compare the checksum in the record at the end of the data with all before it."""
@@ -365,18 +374,20 @@ class DataSection:
                 self.note("the checksum of the data does not fit")
             self.has_checksums |= checksum != 0
 
-    def _begins_record(self, offset: int) -> bool:
-        """Whether the data ends here, or a record can begin."""
-        head = self._window.read(offset, RECORD_HEAD.size) if offset <= self._limit else b""
-        if offset == self._limit or len(head) < RECORD_HEAD.size:
-            return offset == self._limit
-        opcode, length = RECORD_HEAD.unpack(head)
-        end: int = offset + RECORD_HEAD.size + length
-        return opcode != 0 and end <= self._limit
+    def _are_records(self, offset: int, number: int, last_opcode: int = 0xFF) -> bool:
+        """Whether that many records follow each other from there on, or fewer up to the end."""
+        for _ in range(number):
+            if offset == self._limit:
+                return True
+            head = self._window.read(offset, RECORD_HEAD.size) if offset < self._limit else b""
+            if len(head) < RECORD_HEAD.size:
+                return False
+            opcode, length = RECORD_HEAD.unpack(head)
+            offset += RECORD_HEAD.size + length
+            if not 0 < opcode <= last_opcode or offset > self._limit:
+                return False
+        return True
 
-    def _begins_known_record(self, offset: int) -> bool:
-        if not self._begins_record(offset) or offset == self._limit:
-            return False
-        opcode, length = RECORD_HEAD.unpack(self._window.read(offset, RECORD_HEAD.size))
-        following = offset + RECORD_HEAD.size + length
-        return bool(opcode <= _LAST_OPCODE and self._begins_record(following))
+
+def _sorted(positions: _Positions) -> _Positions:
+    return positions[np.lexsort(positions.T)]

@@ -17,7 +17,6 @@ from serd_bag.topic import Topic
 DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
 QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 _MOST_CONFLICTS = 1000
-_DEFINED_TWICE = "{what} is defined twice, in different ways"
 _UNKNOWN = Schema(0, b"", "", "")
 
 
@@ -32,6 +31,7 @@ class Definitions:
         self._other = other
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
+        self._of: dict[type, dict[int, Any]] = {Schema: self.schemas, Channel: self.channels}
         self._first: dict[str, Channel] = {}
         self._seen: dict[tuple[int, bytes], int] = {}
         self._size = self._n_conflicts = 0
@@ -44,42 +44,45 @@ class Definitions:
         key, digest = (opcode, content[:2]), hash(content)
         if self._seen.get(key) == digest or self._n_conflicts > _MOST_CONFLICTS:
             return ""
+        self._size += len(content)
+        if self._size > MOST_DEFINITIONS:
+            return f"schemas and channels have more than {MOST_DEFINITIONS} bytes"
+        kind = Schema if opcode == Opcode.SCHEMA else Channel
         try:
-            self._size += len(content)
-            if self._size > MOST_DEFINITIONS:
-                raise BagError(f"schemas and channels have more than {MOST_DEFINITIONS} bytes")
-            same, what = self._add(opcode, content)
+            record: Any = read_record(kind, content)
         except BagError as error:
             return str(error)
-        if same:
+        records = self._of[kind]
+        if records.setdefault(record.id, record) == record:
+            if kind is Channel:
+                self._first.setdefault(record.topic, record)
             self._seen[key] = digest
             return ""
+        if self._other is not None and self._other._of[kind].get(record.id) == record:
+            records[record.id] = record
+            self._find_first()
         self._n_conflicts += 1
-        return _DEFINED_TWICE.format(what=what)
+        return _defined_twice(kind, record.id)
 
     def complete(self, other: "Definitions") -> None:
         """Add what only `other` has."""
-        self.schemas = other.schemas | self.schemas
-        self.channels.update({**other.channels, **self.channels})
-        for channel in self.channels.values():
-            self._first.setdefault(channel.topic, channel)
+        for kind, records in self._of.items():
+            records.update({**other._of[kind], **records})
+        self._find_first()
 
     def faults_of(self, other: "Definitions") -> Iterator[str]:
         """Describe each number that `other` defines in another way."""
-        for kind, own, others in self._beside(other):
+        for kind, own in self._of.items():
+            others = other._of[kind]
             for number in own.keys() & others.keys():
                 if own[number] != others[number]:
-                    yield _DEFINED_TWICE.format(what=f"{kind} {number}")
+                    yield _defined_twice(kind, number)
 
     def missing(self, other: "Definitions") -> Iterator[str]:
         """Describe each kind of definitions of which these have some, but not all of `other`."""
-        for kind, own, others in self._beside(other):
-            if own and others.keys() - own.keys():
-                yield f"the summary does not have all {kind}s"
-
-    def _beside(self, other: "Definitions") -> Iterator[tuple[str, dict[int, Any], dict[int, Any]]]:
-        yield "schema", self.schemas, other.schemas
-        yield "channel", self.channels, other.channels
+        for kind, own in self._of.items():
+            if own and other._of[kind].keys() - own.keys():
+                yield f"the summary does not have all {kind.__name__.lower()}s"
 
     def have(self, channels: Iterable[int]) -> bool:
         """Whether these channels and their schemas are known."""
@@ -104,24 +107,11 @@ class Definitions:
         channel = self.channels[number]
         return channel.topic, self._schema(channel).name
 
-    def _add(self, opcode: int, content: bytes) -> tuple[bool, str]:
-        """(whether it is new or the same as before, kind and number)."""
-        if opcode == Opcode.SCHEMA:
-            schema = read_record(Schema, content)
-            same = self.schemas.setdefault(schema.id, schema) == schema
-            if not same and self._other and self._other.schemas.get(schema.id) == schema:
-                self.schemas[schema.id] = schema
-            return same, f"schema {schema.id}"
-        channel = read_record(Channel, content)
-        kept = self.channels.setdefault(channel.id, channel)
-        same = kept == channel
-        if not same and self._other and self._other.channels.get(channel.id) == channel:
-            self.channels[channel.id] = channel
-            if self._first[kept.topic] is kept:
-                del self._first[kept.topic]
-        kept = self.channels[channel.id]
-        self._first.setdefault(kept.topic, kept)
-        return same, f"channel {channel.id}"
+    def _find_first(self) -> None:
+        """Find the first channel of each topic anew."""
+        self._first = {}
+        for channel in self.channels.values():
+            self._first.setdefault(channel.topic, channel)
 
     def _schema(self, channel: Channel) -> Schema:
         return self.schemas.get(channel.schema_id, _UNKNOWN)
@@ -133,6 +123,10 @@ class Definitions:
         recorded = MessageType(schema.name, text, type_hash, schema.encoding)
         qos = qos_of_text(channel.metadata.get(QOS, ""))
         return Topic(channel.topic, recorded, qos, channel.message_encoding)
+
+
+def _defined_twice(kind: type, number: int) -> str:
+    return f"{kind.__name__.lower()} {number} is defined twice, in different ways"
 
 
 @lru_cache(maxsize=256)

@@ -25,7 +25,7 @@ from serd_bag.formats.mcap.summary_index import ENTRIES, SummaryIndex
 from serd_bag.formats.mcap.window import FileWindow
 
 _FOOTER_FIELDS = struct.Struct("<QQI")
-_DATA_END_FIELDS = struct.Struct("<I")
+_DATA_END_SIZE = 4
 #: opcode, start and length of a group of records
 _OFFSET_FIELDS = struct.Struct("<BQQ")
 #: Bytes in which a footer or the end of the data is sought, which may be longer than its fields.
@@ -71,14 +71,15 @@ class FileEnd:
         """
         if self.statistics is None or self.faults:
             return False
-        found, stated = self.index.contents(*self._data), self.statistics
+        contents, stated = self.index.contents(*self._data), self.statistics
+        if contents is None:
+            return False
+        counts, *times_ns = contents
         return (
-            found is not None
-            and +found.counts == +Counter(stated.channel_message_counts)
-            and found.counts.total() == stated.message_count
-            and self.definitions.have(found.counts)
-            and (found.first_ns or 0, found.last_ns or 0)
-            == (stated.message_start_time, stated.message_end_time)
+            +counts == +Counter(stated.channel_message_counts)
+            and counts.total() == stated.message_count
+            and self.definitions.have(counts)
+            and times_ns == [stated.message_start_time, stated.message_end_time]
         )
 
     def _read(self, window: FileWindow) -> None:
@@ -107,7 +108,9 @@ class FileEnd:
         if footer.summary_crc not in (0, zlib.crc32(checked, zlib.crc32(summary))):
             self.faults.note(None, "the checksum of the summary does not fit")
             return
-        data_end = self._end_of_data(window, start)
+        before = window.read(max(0, start - _LONGEST_END), min(start, _LONGEST_END))
+        at = _record_before(before, Opcode.DATA_END, _DATA_END_SIZE)
+        data_end = None if at is None else start - len(before) + at
         is_right, is_whole = _are_of_summary(summary)
         if data_end is None or not is_right:
             none = "the footer names no summary, but no data ends before it"
@@ -119,35 +122,27 @@ class FileEnd:
         (header_size,) = struct.unpack_from("<Q", window.read(MAGIC_SIZE + 1, 8).ljust(8, b"\0"))
         self._data = (MAGIC_SIZE + RECORD_HEAD.size + header_size, data_end or 0)
         self.index = SummaryIndex(summary)
-        self._collect(summary)
+        for record in _records(summary):
+            self._collect(summary, *record)
         self._check_offsets(summary, start, footer)
 
-    def _end_of_data(self, window: FileWindow, start: int) -> int | None:
-        """Return where the record begins that ends the data right before `start`, if one does."""
-        before = window.read(max(0, start - _LONGEST_END), min(start, _LONGEST_END))
-        at = _record_before(before, Opcode.DATA_END, _DATA_END_FIELDS.size)
-        return None if at is None else start - len(before) + at
-
-    def _collect(self, summary: bytes) -> None:
-        """The records of the summary; one that is damaged does not concern the others."""
-        for opcode, begin, end in _records(summary):
-            if end > len(summary):
-                self.faults.note(None, "a record of the summary is cut off")
-            elif fault := self._fault_of(opcode, summary[begin:end], begin, end):
-                self.faults.note(None, f"in the summary, {fault}")
-
-    def _fault_of(self, opcode: int, content: bytes, begin: int, end: int) -> str:
-        """Keep the content of a record of the summary; returns its fault, empty if it has none."""
+    def _collect(self, summary: bytes, opcode: int, begin: int, end: int) -> None:
+        """Keep a record of the summary; one that is damaged does not concern the others."""
+        if end > len(summary):
+            self.faults.note(None, "a record of the summary is cut off")
+            return
+        content, fault = summary[begin:end], ""
         try:
             if opcode in DEFINITIONS:
-                return self.definitions.add(opcode, content)
-            if opcode in ENTRIES:
+                fault = self.definitions.add(opcode, content)
+            elif opcode in ENTRIES:
                 self.index.add(opcode, begin, end)
             elif opcode == Opcode.STATISTICS and self.statistics is None:
                 self.statistics = read_record(Statistics, content)
         except BagError as error:
-            return str(error)
-        return ""
+            fault = str(error)
+        if fault:
+            self.faults.note(None, f"in the summary, {fault}")
 
     def _check_offsets(self, summary: bytes, start: int, footer: Footer) -> None:
         """Compare the summary's offsets with the groups of records that they point to."""

@@ -2,7 +2,7 @@
 
 The readers of that package take what a stream gives; here a record that ends early is a BagError.
 Bytes after the fields of a record are ignored, as the format demands: later versions may add some.
-Attachments and metadata records may be large, and are read in parts.
+Attachments may be large, and are read in parts.
 """
 
 import struct
@@ -26,8 +26,7 @@ MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 AnyRecord = TypeVar("AnyRecord", bound=McapRecord)
 #: The index of a record that is copied into a new bag as it is.
 CopiedIndex = AttachmentIndex | MetadataIndex
-_TIMES = struct.Struct("<QQ")
-_SHORT_SIZE, _LONG_SIZE, _CHECKSUM = struct.Struct("<I"), struct.Struct("<Q"), struct.Struct("<I")
+_CHECKSUM_SIZE = 4
 
 
 class _StrictStream(ReadDataStream):
@@ -36,6 +35,10 @@ class _StrictStream(ReadDataStream):
         if len(data) < length:
             raise EndOfFile
         return data
+
+    def text(self) -> str:
+        """A text behind its length; bytes that are none are replaced."""
+        return self.read(self.read4()).decode("utf-8", errors="replace")
 
 
 def read_record(kind: type[AnyRecord], content: bytes) -> AnyRecord:
@@ -46,52 +49,33 @@ def read_record(kind: type[AnyRecord], content: bytes) -> AnyRecord:
     try:
         record: AnyRecord = kind.read(_StrictStream(BytesIO(content)))  # type: ignore[attr-defined]
     except (McapError, struct.error, UnicodeError, OverflowError) as error:
-        raise BagError(f"a {name} record is damaged ({error or 'it ends early'})") from None
+        reason = str(error) or "it ends early"
+        raise BagError(f"a {name} record is damaged ({reason})") from None
     return record
 
 
-def index_of_record(window: FileWindow, offset: int, length: int) -> CopiedIndex:
-    """The index of the attachment or metadata record there, with all its bytes; or BagError."""
-    if window.read(offset, 1) == bytes([Opcode.ATTACHMENT]):
-        return attachment_index(window, offset, length)[0]
-    name, _ = _text(window, offset + RECORD_HEAD.size, offset + length)
-    return MetadataIndex(offset, length, name)
+def copied_index(
+    window: FileWindow, offset: int, length: int, *, verify: bool = False
+) -> CopiedIndex:
+    """The index of the attachment or metadata record there, with all its bytes.
 
-
-def attachment_index(window: FileWindow, offset: int, length: int) -> tuple[AttachmentIndex, int]:
-    """(index, place of the checksum) of the attachment record there; or BagError."""
-    end = offset + length
-    place = offset + RECORD_HEAD.size
-    log_time, create_time = _unpacked(window, _TIMES, place, end)
-    name, place = _text(window, place + _TIMES.size, end)
-    media_type, place = _text(window, place, end)
-    (data_size,) = _unpacked(window, _LONG_SIZE, place, end)
-    place += _LONG_SIZE.size + data_size
-    _unpacked(window, _CHECKSUM, place, end)
-    index = AttachmentIndex(offset, length, log_time, create_time, data_size, name, media_type)
-    return index, place
-
-
-def check_record(window: FileWindow, offset: int, length: int) -> None:
-    """BagError where the record is cut off, or its checksum, if it has one, does not fit."""
-    if not isinstance(index_of_record(window, offset, length), AttachmentIndex):
-        return
-    _, place = attachment_index(window, offset, length)
-    (checksum,) = _CHECKSUM.unpack(window.read(place, _CHECKSUM.size))
-    if checksum and window.checksum(offset + RECORD_HEAD.size, place) != checksum:
+    verify: compare the checksum of an attachment, if it has one, with its content. Raises BagError
+    if that does not fit, and if the record is cut off.
+    """
+    begin, end = offset + RECORD_HEAD.size, offset + length
+    content = window.read(begin, min(length - RECORD_HEAD.size, LARGEST_DEFINITION))
+    stream = _StrictStream(BytesIO(content))
+    try:
+        if window.read(offset, 1) != bytes([Opcode.ATTACHMENT]):
+            return MetadataIndex(offset, length, stream.text())
+        log_time, create_time = stream.read8(), stream.read8()
+        name, media_type, data_size = stream.text(), stream.text(), stream.read8()
+        place = begin + stream.count + data_size
+        if place + _CHECKSUM_SIZE > end:
+            raise EndOfFile
+    except EndOfFile:
+        raise BagError("an attachment or metadata record ends early") from None
+    checksum = int.from_bytes(window.read(place, _CHECKSUM_SIZE), "little") if verify else 0
+    if checksum and window.checksum(begin, place) != checksum:
         raise BagError("the checksum of an attachment does not fit its content")
-
-
-def _text(window: FileWindow, place: int, end: int) -> tuple[str, int]:
-    """(text, where it ends)."""
-    (size,) = _unpacked(window, _SHORT_SIZE, place, end)
-    place += _SHORT_SIZE.size
-    if size > min(end - place, LARGEST_DEFINITION):
-        raise BagError("an attachment or metadata record is longer than its record")
-    return window.read(place, size).decode("utf-8", errors="replace"), place + size
-
-
-def _unpacked(window: FileWindow, fields: struct.Struct, place: int, end: int) -> tuple[int, ...]:
-    if place + fields.size > end:
-        raise BagError("an attachment or metadata record ends early")
-    return fields.unpack(window.read(place, fields.size))
+    return AttachmentIndex(offset, length, log_time, create_time, data_size, name, media_type)

@@ -4,69 +4,49 @@ Reads record by record, unpacking messages itself, for which the reader of `mcap
 twice as long. Each kind of fault becomes a Damage.
 """
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator
-from itertools import groupby, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from serd_bag.damage import Damage, DamageLog
+from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, disk_errors
 from serd_bag.formats.limits import WRONG_TIMES
 from serd_bag.formats.mcap.data_section import IN_AREAS, Area, DataSection
 from serd_bag.formats.mcap.definitions import DEFINITIONS, Definitions
 from serd_bag.formats.mcap.file_end import FileEnd
-from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, index_of_record
+from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, copied_index
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.topic import RawMessage, Topic
 
 _MESSAGE = int(Opcode.MESSAGE)
+_COPIED = "attachments and metadata records"
+_DIFFERS = "{} {} were written, {} are there"
 
 
-class McapScan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`.
+class McapScan(FileScan):
+    """One pass through one MCAP file.
 
-    expected: number of messages by the summary, None without one.
-    n_left_out: messages that were found, but are not among those given.
-    copied: (offset, length) of each sound attachment and metadata record.
-    has_checksums: whether all messages have them.
-    thorough: compare the index behind each chunk with the chunk.
+    thorough: compare the index behind each chunk, and that of the summary, with the chunk.
     size: of the file as it was recorded, which limits what is read; None for its size here.
     """
 
     def __init__(self, path: Path, *, thorough: bool = False, size: int | None = None) -> None:
-        self.path = path
-        self.copied: list[tuple[int, int]] = []
+        super().__init__(path)
         self.has_checksums = True
-        self.n_left_out = 0
-        self._log = DamageLog(path)
         self._end = FileEnd(path)
         # Those of the data count, where the summary is not known to be right.
-        is_known = self._end.states_contents
-        self._definitions = (
-            self._end.definitions if is_known else Definitions(self._end.definitions)
-        )
-        statistics = self._end.statistics
-        self.expected = statistics.message_count if statistics else None
+        known = self._end.definitions
+        self._definitions = known if self._end.states_contents else Definitions(known)
+        if self._end.statistics is not None:
+            self.expected = self._end.statistics.message_count
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
         self._looked_in: Area | None = None
         self._recorded_size = size
         self._looks_back = True
-
-    @property
-    def damage(self) -> list[Damage]:
-        """Each kind of fault that was found."""
-        return self._log.damage
-
-    @property
-    def counts(self) -> Counter[str]:
-        """Readable messages by topic."""
-        found: Counter[str] = Counter()
-        for number, count in self._counts.items():
-            found[self._definitions.channels[number].topic] += count
-        return found
 
     def topics(self) -> list[Topic]:
         """Topics by the summary; where it is brief or missing, by the whole file."""
@@ -86,6 +66,8 @@ class McapScan:
                 yield from self._messages(section, area, topics)
                 del area  # before the next one is read
             self.copied, self.has_checksums = section.copied, section.has_checksums
+            for number, count in self._counts.items():
+                self.counts[self._definitions.channels[number].topic] += count
             self._compare_with_end(section)
             self._definitions.complete(self._end.definitions)
             if self._thorough:
@@ -98,6 +80,7 @@ class McapScan:
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
         counts, names = self._counts, dict[int, tuple[str, str] | None]()
         block, offset, end, is_chunk, is_torn = area
+        positions = section.positions
         left, last, n_unknown, n_other, n_untimed = section.n_records, offset, 0, 0, 0
         for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
             if offset + message_size > end or block[offset] != _MESSAGE:
@@ -116,6 +99,8 @@ class McapScan:
                 last, offset = offset, following
                 continue
             last, offset = offset, following
+            if positions is not None:
+                positions.extend((number, log_time, last - area.start))
             if (log_time | publish_time) >> 63:
                 n_untimed += 1
                 continue
@@ -184,59 +169,56 @@ class McapScan:
         return number in channels
 
     def _compare_with_end(self, section: DataSection) -> None:
+        end, note = self._end, section.note
         if not section.ended and not self._log:
             complete = "the data has no end record"
-            cut = "the file has no end: the recording was cut off here"
-            section.note(complete if self._end.complete else cut)
-        if section.ended and not self._end.complete:
-            section.note("the summary at the end of the file is damaged")
-        for each in self._end.faults.damage:
-            section.note(each.what)
-        statistics, found = self._end.statistics, sum(self._counts.values())
-        for fault in self._definitions.faults_of(self._end.definitions):
-            section.note(f"in the summary, {fault}")
-        starts = (start for start, _ in groupby(self._end.index.starts))
-        n_missing = sum(start not in section.visited for start in starts)
+            note(
+                complete if end.complete else "the file has no end: the recording was cut off here"
+            )
+        if section.ended and not end.complete:
+            note("the summary at the end of the file is damaged")
+        for each in end.faults.damage:
+            note(each.what)
+        for fault in self._definitions.faults_of(end.definitions):
+            note(f"in the summary, {fault}")
+        n_missing = len(set(end.index.starts) - section.visited)
         if n_missing:
-            section.note(f"{n_missing} chunks of the summary are missing")
-        if statistics is None:
+            note(f"{n_missing} chunks of the summary are missing")
+        if end.statistics is None:
             return
-        counts = statistics.channel_message_counts
-        if statistics.message_count != found:
-            section.note(f"{statistics.message_count} messages were written, {found} are readable")
-        elif counts and not self._log:
+        stated, n_found = end.statistics, self.counts.total()
+        if stated.message_count != n_found:
+            note(f"{stated.message_count} messages were written, {n_found} are readable")
+        elif stated.channel_message_counts and not self._log:
             for number, channel in self._definitions.channels.items():
-                n_written, n_read = counts.get(number, 0), self._counts[number]
-                if n_written != n_read:
-                    section.note(
+                n_written = stated.channel_message_counts.get(number, 0)
+                if n_written != (n_read := self._counts[number]):
+                    note(
                         f"{n_written} messages were written on {channel.topic}, {n_read} are there"
                     )
-        n_copied = statistics.attachment_count + statistics.metadata_count
+        n_copied = stated.attachment_count + stated.metadata_count
         if n_copied > len(self.copied):
-            section.note(
-                f"{n_copied} attachments and metadata records were written,"
-                f" {len(self.copied)} are there"
-            )
+            note(_DIFFERS.format(n_copied, _COPIED, len(self.copied)))
 
     def _compare_with_index(self, section: DataSection, window: FileWindow) -> None:
         """Compare the summary's pointers and counts, which players use, with what was found."""
-        for fault in (*self._end.index_faults, *self._end.definitions.missing(self._definitions)):
-            section.note(fault)
-        if any(one == other for one, other in pairwise(self._end.index.starts)):
-            section.note("the summary lists a chunk twice")
-        copied = (index_of_record(window, *each) for each in self.copied)
-        for fault in self._end.index.faults_of_copied(list(copied)):
-            section.note(fault)
-        stated = self._end.statistics
+        end, note = self._end, section.note
+        for fault in (*end.index_faults, *end.definitions.missing(self._definitions)):
+            note(fault)
+        if any(one == other for one, other in pairwise(end.index.starts)):
+            note("the summary lists a chunk twice")
+        copied = [copied_index(window, *each) for each in self.copied]
+        for fault in end.index.faults_of_copied(copied):
+            note(fault)
+        stated, found = end.statistics, self._definitions
         if stated is None or self._log:
             return
-        definitions = self._definitions
+        n_copied = stated.attachment_count + stated.metadata_count
         for what, n_stated, n_found in (
             ("chunks", stated.chunk_count, len(section.visited)),
-            ("attachments and metadata records", stated.attachment_count + stated.metadata_count,
-             len(self.copied)),
-            ("schemas", stated.schema_count, len(definitions.schemas)),
-            ("channels", stated.channel_count, len(definitions.channels)),
-        ):  # fmt: skip
+            (_COPIED, n_copied, len(self.copied)),
+            ("schemas", stated.schema_count, len(found.schemas)),
+            ("channels", stated.channel_count, len(found.channels)),
+        ):
             if n_stated != n_found:
-                section.note(f"{n_stated} {what} were written, {n_found} are there")
+                note(_DIFFERS.format(n_stated, what, n_found))

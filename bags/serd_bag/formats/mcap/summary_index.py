@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import astuple
 from functools import cached_property
-from heapq import merge
 from itertools import pairwise
 from struct import Struct
 from struct import error as struct_error
@@ -20,7 +19,7 @@ from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, ChunkIndex, MetadataIndex
 
 from serd_bag.errors import BagError
-from serd_bag.formats.mcap.chunks import ENTRY_SIZE, INDEX_HEAD_SIZE, ChunkHead
+from serd_bag.formats.mcap.chunks import ChunkHead
 from serd_bag.formats.mcap.records import RECORD_HEAD, CopiedIndex, read_record
 
 #: Opcodes of the records that are entries.
@@ -32,6 +31,8 @@ _CHUNK_FIELDS = Struct("<QQQQI")
 _PLACE = Struct("<HQ")
 #: length of the message indexes, length of the compression's name; packed and unpacked size
 _LENGTHS, _SIZES = Struct("<QI"), Struct("<QQ")
+#: Of a message index, channel and size of the entries; each entry, log time and offset.
+INDEX_HEAD_SIZE, ENTRY_SIZE = 6, 16
 _MESSAGE_INDEX_HEAD = RECORD_HEAD.size + INDEX_HEAD_SIZE
 
 
@@ -78,22 +79,33 @@ class SummaryIndex:
         rows = np.frombuffer(self._chunks, np.uint64).reshape(-1, 4)
         return rows[np.argsort(rows[:, 0], kind="stable")]
 
-    def contents(self, begin: int, end: int) -> "IndexedContents | None":
-        """Return the messages that the entries list in the data from `begin` to `end`.
+    def contents(self, begin: int, end: int) -> tuple[Counter[int], int, int] | None:
+        """Messages that the entries list in the data from `begin` to `end`.
 
-        Returns None if entries contradict each other, or if no entry lists a part of the data.
+        Returns their number by channel, and their first and last log time (ns), 0 without messages.
+        Returns None if an entry contradicts itself or another one, or if no entry lists a part of
+        the data. The size of a message index states how many messages it lists.
         """
-        found = IndexedContents()
-        copied = sorted((each.offset, each.offset + each.length) for each in self.copied)
-        try:
-            chunks = map(found.add, map(self.chunk, range(len(self.starts))))
-            for start, stop in merge(copied, chunks):
-                if start != begin:
-                    return None
-                begin = stop
-        except BagError:
+        copied = {each.offset: each.length for each in self.copied}
+        counts: Counter[int] = Counter()
+        first_ns, last_ns = [], []
+        for number in range(len(self.starts)):
+            chunk = self.chunk(number)
+            while begin in copied:
+                begin += copied.pop(begin)
+            listed = _listed_messages(chunk)
+            if begin != chunk.chunk_start_offset or listed is None:
+                return None
+            begin += chunk.chunk_length + chunk.message_index_length
+            counts.update(listed)
+            if listed:
+                first_ns.append(chunk.message_start_time)
+                last_ns.append(chunk.message_end_time)
+        while begin in copied:
+            begin += copied.pop(begin)
+        if begin != end or copied:
             return None
-        return found if begin == end else None
+        return counts, min(first_ns, default=0), max(last_ns, default=0)
 
     def fault_of_chunk(self, found: ChunkIndex) -> str:
         """Return how the entry of a chunk is wrong, and an empty text if it is right.
@@ -147,50 +159,23 @@ def _chunk_index(content: bytes) -> ChunkIndex:
         packed_size, unpacked_size = _SIZES.unpack_from(content, at)
     except struct_error:
         raise BagError("a chunkindex record is damaged") from None
-    return ChunkIndex(
-        chunk_start_offset=start,
-        chunk_length=length,
-        compression=content[at - name_size : at].decode("ascii", errors="replace"),
-        compressed_size=packed_size,
-        uncompressed_size=unpacked_size,
-        message_start_time=first_ns,
-        message_end_time=last_ns,
-        message_index_length=index_length,
-        message_index_offsets=places,
-    )
+    name = content[at - name_size : at].decode("ascii", errors="replace")
+    head = ChunkHead(first_ns, last_ns, unpacked_size, 0, name, 0, packed_size)
+    entry = entry_of_chunk(head, start, length)
+    entry.message_index_offsets, entry.message_index_length = places, index_length
+    return entry
 
 
-class IndexedContents:
-    """The messages that entries of chunks list.
+def _listed_messages(chunk: ChunkIndex) -> dict[int, int] | None:
+    """Messages by channel, by the sizes of the message indexes that should follow the chunk.
 
-    counts: by channel, since the size of a message index states how many it lists; first_ns,
-    last_ns: log times, None without messages.
+    Returns None if they cannot follow each other there, or do not list all messages.
     """
-
-    def __init__(self) -> None:
-        self.counts: Counter[int] = Counter()
-        self.first_ns: int | None = None
-        self.last_ns: int | None = None
-
-    def add(self, chunk: ChunkIndex) -> tuple[int, int]:
-        """Count the messages of a chunk; returns begin and end of the chunk with its indexes.
-
-        Raises BagError if the entry contradicts itself or does not list all messages.
-        """
-        begin = chunk.chunk_start_offset
-        end = begin + chunk.chunk_length + chunk.message_index_length
-        indexes = sorted((place, channel) for channel, place in chunk.message_index_offsets.items())
-        edges = [*(place for place, _ in indexes), end]
-        is_counted = bool(indexes) or not chunk.message_end_time
-        if edges[0] != begin + chunk.chunk_length or not is_counted:
-            raise BagError("the message indexes of a chunk do not follow it")
-        sizes = [following - place - _MESSAGE_INDEX_HEAD for place, following in pairwise(edges)]
-        if any(size < 0 or size % ENTRY_SIZE for size in sizes):
-            raise BagError("the size of a message index is not one of whole entries")
-        for (_, channel), size in zip(indexes, sizes, strict=True):
-            self.counts[channel] += size // ENTRY_SIZE
-        if indexes:
-            first_ns, last_ns = chunk.message_start_time, chunk.message_end_time
-            self.first_ns = first_ns if self.first_ns is None else min(self.first_ns, first_ns)
-            self.last_ns = last_ns if self.last_ns is None else max(self.last_ns, last_ns)
-        return begin, end
+    begin = chunk.chunk_start_offset + chunk.chunk_length
+    indexes = sorted((place, channel) for channel, place in chunk.message_index_offsets.items())
+    edges = [*(place for place, _ in indexes), begin + chunk.message_index_length]
+    sizes = [following - place - _MESSAGE_INDEX_HEAD for place, following in pairwise(edges)]
+    is_counted = bool(indexes) or not chunk.message_end_time
+    if edges[0] != begin or not is_counted or any(n < 0 or n % ENTRY_SIZE for n in sizes):
+        return None
+    return {channel: n // ENTRY_SIZE for (_, channel), n in zip(indexes, sizes, strict=True)}

@@ -3,7 +3,6 @@
 import os
 import re
 import zlib
-from collections.abc import Iterator
 from typing import BinaryIO
 
 _BLOCK = 256 << 10
@@ -11,7 +10,10 @@ _AHEAD = 32 << 10
 
 
 class FileWindow:
-    """size: of the file; a block from `locate` stays as it is, a later call may return another."""
+    """Gives bytes of an open file by their places; `size`: bytes of the file.
+
+    A block from `locate` stays as it is, a later call may return another.
+    """
 
     def __init__(self, stream: BinaryIO) -> None:
         self.size = os.fstat(stream.fileno()).st_size
@@ -34,12 +36,7 @@ class FileWindow:
         self._block = b""
 
     def read(self, offset: int, length: int) -> bytes:
-        """A copy of these bytes."""
-        block, first = self.locate(offset, length)
-        return block[first : first + length]
-
-    def peek(self, offset: int, length: int) -> bytes:
-        """A copy of these bytes, without reading ahead for it."""
+        """A copy of these bytes, fewer at the end of the file, without reading ahead for it."""
         first = offset - self._start
         if 0 <= first <= len(self._block) - length:
             return self._block[first : first + length]
@@ -48,10 +45,10 @@ class FileWindow:
 
     def checksum(self, start: int, end: int) -> int:
         """CRC-32 of the bytes from `start` to `end`."""
-        found = 0
-        for part in self._parts(start, end):
-            found = zlib.crc32(part, found)
-        return found
+        digest = 0
+        for offset in range(start, end, _BLOCK):
+            digest = zlib.crc32(self.read(offset, min(_BLOCK, end - offset)), digest)
+        return digest
 
     def search(self, pattern: re.Pattern[bytes], start: int, longest: int) -> int | None:
         """First match from `start` on; longest: bytes of a match."""
@@ -62,12 +59,3 @@ class FileWindow:
                 return start + found.start() - first
             start += max(1, len(block) - first - longest + 1)
         return None
-
-    def _parts(self, start: int, end: int) -> Iterator[memoryview]:
-        while start < end:
-            block, first = self.locate(start, 1)
-            part = memoryview(block)[first : first + end - start]
-            if not part:
-                return
-            yield part
-            start += len(part)

@@ -37,7 +37,9 @@ from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
 from serd_bag.errors import BagError, disk_errors
-from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex, index_of_record
+from serd_bag.formats.mcap.chunks import chunk_head
+from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex, copied_index
+from serd_bag.formats.mcap.summary_index import entry_of_chunk
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.formats.rosbag2.layout import FileSpan
 from serd_bag.formats.rosbag2.message_types import MessageType
@@ -55,11 +57,17 @@ _METADATA_NAME = "rosbag2"
 
 
 class McapWriter:
-    """Appends messages to one file; what `flush` has written survives the death of the process."""
+    """Appends messages to one file; what `flush` has written survives the death of the process.
+
+    The file is unbuffered and only grows, in whole blocks: what was appended before a failure stays
+    readable. sync: wait for the disk at each flush.
+    """
 
     def __init__(self, path: Path, *, compression: Compression = "none", sync: bool = False):
-        self._file = _DiskFile(path, sync=sync)
-        self._compression = compression
+        self._path, self._compression, self._sync = path, compression, sync
+        self._size = 0
+        with disk_errors("write", path, BagError):
+            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
         self._schemas: dict[MessageType, Schema] = {}
         self._channels: list[Channel] = []
         #: (number of the first chunk that has it, record) of each schema and channel
@@ -68,35 +76,30 @@ class McapWriter:
         self._chunk_indexes: list[ChunkIndex] = []
         self._chunk = bytearray()
         self._indexes: dict[int, MessageIndex] = {}
-        self._statistics = Statistics(
-            attachment_count=0,
-            channel_count=0,
-            channel_message_counts=Counter(),
-            chunk_count=0,
-            message_count=0,
-            message_end_time=0,
-            message_start_time=0,
-            metadata_count=1,
-            schema_count=0,
-        )
-        self._file.append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
+        #: messages on the disk by channel
+        self._counts: Counter[int] = Counter()
+        self._append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
 
     @property
     def span(self) -> FileSpan:
         """Number and times of the messages on the disk."""
-        found = self._statistics
-        times = (found.message_start_time, found.message_end_time) if found.message_count else ()
-        return FileSpan(self._file.path.name, found.message_count, *times)
+        filled = [each for each in self._chunk_indexes if each.message_index_offsets]
+        return FileSpan(
+            self._path.name,
+            self._counts.total(),
+            min((each.message_start_time for each in filled), default=None),
+            max((each.message_end_time for each in filled), default=None),
+        )
 
     @property
     def size(self) -> int:
         """Bytes on the disk and in the chunk that is not written yet."""
-        return self._file.size + len(self._chunk)
+        return self._size + len(self._chunk)
 
     @property
     def is_open(self) -> bool:
         """Whether more can be appended."""
-        return self._file.is_open
+        return self._descriptor >= 0
 
     @property
     def unwritten(self) -> dict[int, int]:
@@ -105,15 +108,16 @@ class McapWriter:
 
     def add_topic(self, topic: Topic) -> int:
         """Declare a topic; returns its channel number."""
-        schema = self._schemas.get(topic.message_type) or self._add_schema(topic.message_type)
-        metadata = {
-            "offered_qos_profiles": qos_text(topic.qos),
-            "topic_type_hash": topic.message_type.type_hash,
-        }
+        kind = topic.message_type
+        schema = self._schemas.get(kind)
+        if schema is None:
+            schema = Schema(len(self._schemas) + 1, kind.text.encode(), kind.encoding, kind.name)
+            self._schemas[kind] = schema
+            self._define(schema)
+        metadata = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": kind.type_hash}
         number = len(self._channels) + 1
         channel = Channel(number, topic.name, topic.encoding, metadata, schema.id)
         self._channels.append(channel)
-        self._statistics.channel_count += 1
         self._indexes[number] = MessageIndex(number, [])
         self._define(channel)
         return number
@@ -135,61 +139,70 @@ class McapWriter:
             return
         indexes = [index for index in self._indexes.values() if index.records]
         times = [time_ns for index in indexes for time_ns, _ in index.records]
-        chunk = self._sealed_chunk(min(times, default=0), max(times, default=0))
-        block = bytearray(_encoded(chunk))
-        length, offsets = len(block), {}
-        for index in indexes:
-            offsets[index.channel_id] = self._file.size + len(block)
-            block += _encoded(index)
-        entry = ChunkIndex(
-            chunk_length=length,
-            chunk_start_offset=self._file.size,
-            compression=chunk.compression,
-            compressed_size=len(chunk.data),
-            message_end_time=chunk.message_end_time,
-            message_index_length=len(block) - length,
-            message_index_offsets=offsets,
-            message_start_time=chunk.message_start_time,
-            uncompressed_size=chunk.uncompressed_size,
+        content, packed = bytes(self._chunk), self._compression == "zstd"
+        chunk = Chunk(
+            compression="zstd" if packed else "",
+            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
+            message_end_time=max(times, default=0),
+            message_start_time=min(times, default=0),
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
         )
-        self._file.append(block)
+        block = bytearray(_encoded(chunk))
+        entry = entry_of_chunk(chunk_head(block), self._size, len(block))
+        for index in indexes:
+            entry.message_index_offsets[index.channel_id] = self._size + len(block)
+            block += _encoded(index)
+        entry.message_index_length = len(block) - entry.chunk_length
+        self._append(block)
         self._chunk_indexes.append(entry)
-        self._count(indexes, chunk)
+        for index in indexes:
+            self._counts[index.channel_id] += len(index.records)
+            index.records.clear()
         self._chunk.clear()
 
     def copy_record(self, source: FileWindow, offset: int, length: int) -> None:
         """Append an attachment or metadata record of another file; `rosbag2` is left out."""
-        index = index_of_record(source, offset, length)
+        index = copied_index(source, offset, length)
         if index.name == _METADATA_NAME and isinstance(index, MetadataIndex):
             return
         self.flush()
-        index.offset = self._file.size
+        index.offset = self._size
         for start in range(offset, offset + length, _BLOCK):
-            self._file.append(source.read(start, min(_BLOCK, offset + length - start)))
+            self._append(source.read(start, min(_BLOCK, offset + length - start)))
         self._copied.append(index)
-        self._statistics.attachment_count += isinstance(index, AttachmentIndex)
-        self._statistics.metadata_count += isinstance(index, MetadataIndex)
 
     def finish(self, metadata: dict[str, str]) -> None:
         """Write the last chunk, the metadata record `rosbag2` and the summary; close."""
         self.flush()
         record = _encoded(Metadata(_METADATA_NAME, metadata))
-        self._copied.append(MetadataIndex(self._file.size, len(record), _METADATA_NAME))
+        self._copied.append(MetadataIndex(self._size, len(record), _METADATA_NAME))
         record += _encoded(DataEnd(0))
-        self._file.append(record + self._summary(self._file.size + len(record)))
+        self._append(record + self._summary(self._size + len(record)))
         self.close()
 
     def close(self) -> None:
-        """Close the file as it is."""
-        self._file.close()
+        """Close the file as it is; further calls do nothing."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
-    def _add_schema(self, message_type: MessageType) -> Schema:
-        text = message_type.text.encode()
-        schema = Schema(len(self._schemas) + 1, text, message_type.encoding, message_type.name)
-        self._schemas[message_type] = schema
-        self._statistics.schema_count += 1
-        self._define(schema)
-        return schema
+    def _append(self, block: bytes | bytearray) -> None:
+        """Append the block; on BagError (disk full, ...) no part of it stays."""
+        with disk_errors("write", self._path, BagError):
+            try:
+                rest = memoryview(block)
+                while rest:
+                    rest = rest[os.write(self._descriptor, rest) :]
+                if self._sync:
+                    os.fdatasync(self._descriptor)
+            except OSError:
+                # Where even this fails, the reader finds the last whole block by itself.
+                with contextlib.suppress(OSError):
+                    os.ftruncate(self._descriptor, self._size)
+                    os.lseek(self._descriptor, self._size, os.SEEK_SET)
+                raise
+        self._size += len(block)
 
     def _define(self, record: Schema | Channel) -> None:
         if not self._chunk:
@@ -206,98 +219,37 @@ class McapWriter:
             if age <= _REPEATED_AT_ONCE or age & (age - 1) == 0:
                 self._chunk += record
 
-    def _sealed_chunk(self, first_ns: int, last_ns: int) -> Chunk:
-        content = bytes(self._chunk)
-        packed = self._compression == "zstd"
-        return Chunk(
-            compression="zstd" if packed else "",
-            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
-            message_end_time=last_ns,
-            message_start_time=first_ns,
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-
-    def _count(self, indexes: Sequence[MessageIndex], chunk: Chunk) -> None:
-        """Add the messages of a chunk that was written to the statistics."""
-        found, first_ns = self._statistics, chunk.message_start_time
-        if indexes:
-            earlier_ns = found.message_start_time if found.message_count else first_ns
-            found.message_start_time = min(earlier_ns, first_ns)
-            found.message_end_time = max(found.message_end_time, chunk.message_end_time)
-        for index in indexes:
-            found.message_count += len(index.records)
-            found.channel_message_counts[index.channel_id] += len(index.records)
-            index.records.clear()
-        found.chunk_count += 1
-
     def _summary(self, start: int) -> bytes:
         """All records from `start` to the end of the file."""
-        groups: dict[int, Sequence[McapRecord]] = {
-            Opcode.SCHEMA: list(self._schemas.values()),
-            Opcode.CHANNEL: self._channels,
-            Opcode.STATISTICS: [self._statistics],
-            Opcode.CHUNK_INDEX: self._chunk_indexes,
-            Opcode.ATTACHMENT_INDEX: [
-                each for each in self._copied if isinstance(each, AttachmentIndex)
-            ],
-            Opcode.METADATA_INDEX: [
-                each for each in self._copied if isinstance(each, MetadataIndex)
-            ],
-        }
+        attachments = [each for each in self._copied if isinstance(each, AttachmentIndex)]
+        metadata = [each for each in self._copied if isinstance(each, MetadataIndex)]
+        span = self.span
+        statistics = Statistics(
+            attachment_count=len(attachments),
+            channel_count=len(self._channels),
+            channel_message_counts=self._counts,
+            chunk_count=len(self._chunk_indexes),
+            message_count=span.n_messages,
+            message_end_time=span.last_ns or 0,
+            message_start_time=span.first_ns or 0,
+            metadata_count=len(metadata),
+            schema_count=len(self._schemas),
+        )
+        groups: tuple[Sequence[McapRecord], ...] = (
+            *(list(self._schemas.values()), self._channels, [statistics]),
+            *(self._chunk_indexes, attachments, metadata),
+        )
         summary, offsets = bytearray(), []
-        for opcode, records in groups.items():
+        for records in groups:
             group = b"".join(map(_encoded, records))
             if group:
-                offsets.append(SummaryOffset(opcode, start + len(summary), len(group)))
+                offsets.append(SummaryOffset(group[0], start + len(summary), len(group)))
             summary += group
         offset_start = start + len(summary)
         summary += b"".join(map(_encoded, offsets))
         unchecked = _encoded(Footer(start, offset_start, 0))[:-4]
         checksum = zlib.crc32(unchecked, zlib.crc32(summary))
         return bytes(summary) + _encoded(Footer(start, offset_start, checksum)) + MCAP0_MAGIC
-
-
-class _DiskFile:
-    """A file that only grows, in whole blocks: what was appended before a failure stays readable.
-
-    Unbuffered, so that a killed process loses nothing it has appended.
-    """
-
-    def __init__(self, path: Path, *, sync: bool) -> None:
-        self.path = path
-        self.size = 0
-        self._sync = sync
-        with disk_errors("write", path, BagError):
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-
-    def append(self, block: bytes | bytearray) -> None:
-        """Append the block; on BagError (disk full, ...) no part of it stays."""
-        with disk_errors("write", self.path, BagError):
-            try:
-                rest = memoryview(block)
-                while rest:
-                    rest = rest[os.write(self._descriptor, rest) :]
-                if self._sync:
-                    os.fdatasync(self._descriptor)
-            except OSError:
-                # Where even this fails, the reader finds the last whole block by itself.
-                with contextlib.suppress(OSError):
-                    os.ftruncate(self._descriptor, self.size)
-                    os.lseek(self._descriptor, self.size, os.SEEK_SET)
-                raise
-        self.size += len(block)
-
-    @property
-    def is_open(self) -> bool:
-        """Whether more can be appended."""
-        return self._descriptor >= 0
-
-    def close(self) -> None:
-        """Close the file; further calls do nothing."""
-        descriptor, self._descriptor = self._descriptor, -1
-        if descriptor >= 0:
-            os.close(descriptor)
 
 
 def _encoded(record: McapRecord) -> bytes:

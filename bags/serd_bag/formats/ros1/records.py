@@ -11,11 +11,10 @@ import bz2
 import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import lz4.frame
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.rosbag1.reader import normalize
 from rosbags.typesys.msg import normalize_msgtype
 
@@ -36,12 +35,14 @@ _REINDEX = "'rosbag reindex' of ROS 1 may repair it"
 _SIZE = struct.Struct("<I")
 _TIME = struct.Struct("<II")
 _SECOND_NS = 1_000_000_000
-#: time in s and ns, offset in the chunk
-_ENTRY = np.dtype([("s", "<u4"), ("ns", "<u4"), ("offset", "<u4")])
-#: connection, number of messages
-_COUNT = np.dtype([("connection", "<u4"), ("count", "<u4")])
+_CHUNK_FIELDS = {b"compression", b"size"}
+#: Of an index: time in s and ns, offset in the chunk. Of a chunk: connection, number of messages.
+_ENTRY, _COUNT = struct.Struct("<III"), struct.Struct("<II")
 #: connection, time in ns, offset in the chunk
 Entry = tuple[int, int, int]
+#: A chunk with the entries of the index behind it, or a message outside of chunks, as the place
+#: where the record begins, the record and the entries.
+Part = tuple[int, "Record", list[Entry]]
 
 
 class Record(NamedTuple):
@@ -75,16 +76,6 @@ class Connection(NamedTuple):
     topic: str
     type_name: str
     definition: str
-
-
-def header_size(block: bytes) -> int:
-    """Return how many bytes the header of a record and its two lengths have."""
-    if len(block) < _SIZE.size:
-        raise BagError("a record is cut off")
-    (size,) = _SIZE.unpack_from(block)
-    if size > LARGEST_DEFINITION:
-        raise BagError(f"no record begins with {block[: _SIZE.size].hex(' ')}")
-    return int(size) + 2 * _SIZE.size
 
 
 def record_at(block: bytes, at: int, end: int) -> Record:
@@ -134,9 +125,8 @@ def connection_of(record: Record, data: bytes) -> tuple[int, Connection]:
 
 def counts_of(record: Record, data: bytes) -> tuple[int, dict[int, int]]:
     """Read the entry of a chunk; returns the place of the chunk and its messages by connection."""
-    rows = np.frombuffer(data[: len(data) // _COUNT.itemsize * _COUNT.itemsize], _COUNT)
-    counts = dict(zip(rows["connection"].tolist(), rows["count"].tolist(), strict=True))
-    return record.number(b"chunk_pos"), counts
+    whole = data[: len(data) // _COUNT.size * _COUNT.size]
+    return record.number(b"chunk_pos"), dict(_COUNT.iter_unpack(whole))
 
 
 def entries_of(record: Record, data: bytes) -> list[Entry] | None:
@@ -145,13 +135,10 @@ def entries_of(record: Record, data: bytes) -> list[Entry] | None:
         connection, count = record.number(b"conn"), record.number(b"count")
     except BagError:
         return None
-    if len(data) != count * _ENTRY.itemsize:
+    if len(data) != count * _ENTRY.size:
         return None
-    rows: NDArray[np.void] = np.frombuffer(data, _ENTRY)
-    time_ns = rows["s"].astype(np.int64) * _SECOND_NS + rows["ns"]
-    return [
-        (connection, *each) for each in zip(time_ns.tolist(), rows["offset"].tolist(), strict=True)
-    ]
+    rows = _ENTRY.iter_unpack(data)
+    return [(connection, _SECOND_NS * second + ns, offset) for second, ns, offset in rows]
 
 
 def unpacked_chunk(
@@ -177,28 +164,19 @@ def unpacked_chunk(
     return unpacked, 0, len(unpacked)
 
 
-class Part(NamedTuple):
-    """A chunk with the entries of the index behind it, or a message outside of chunks.
-
-    place: where its record begins.
-    """
-
-    place: int
-    record: Record
-    entries: list[Entry]
-
-
 class Walk:
     """What a walk has found, once it has ended.
 
-    connections: outside of chunks; counts: messages by connection that the index has of each chunk,
+    log: faults on the way; connections: outside of chunks; counts: messages by connection that the
+    index has of each chunk,
     by its place.
     """
 
     def __init__(self, window: FileWindow, log: DamageLog) -> None:
         self.connections: dict[int, Connection] = {}
         self.counts: dict[int, dict[int, int]] = {}
-        self._window, self._log = window, log
+        self.log = log
+        self._window = window
         self._header: Record | None = None
         self._index_start: int | None = None
         self._chunks: set[int] = set()
@@ -212,7 +190,7 @@ class Walk:
             try:
                 record = self._record(offset)
             except BagError as error:
-                self._log.note(offset, f"a chunk is damaged ({error})")
+                self.log.note(offset, f"a chunk is damaged ({error})")
                 offset = self._next_chunk(last + 1)
                 last = offset - 1
                 continue
@@ -221,12 +199,12 @@ class Walk:
                 self._chunks.add(last)
                 record, offset = self._sized(last, record)
                 entries, offset = self._entries(last, offset)
-                yield Part(last, record, entries)
+                yield last, record, entries
                 if offset > self._window.size:
-                    self._log.note(last, "a chunk is damaged (the file ends within it)")
+                    self.log.note(last, "a chunk is damaged (the file ends within it)")
                     offset = self._next_chunk(last + 1)
             elif record.kind == MESSAGE:
-                yield Part(last, record, [])
+                yield last, record, []
             else:
                 self._keep(last, record)
 
@@ -257,25 +235,29 @@ class Walk:
     def _beginning(self) -> int:
         """Return where the records begin, and the end of the file if they cannot be read."""
         size = self._window.size
-        found = _MAGIC.match(self._window.peek(0, _LONGEST_MAGIC))
+        found = _MAGIC.match(self._window.read(0, _LONGEST_MAGIC))
         if not size:
-            self._log.note(None, "the file seems to be empty", "record it again")
+            self.log.note(None, "the file seems to be empty", "record it again")
         elif not found:
-            self._log.note(None, "File magic is invalid", _REINDEX)
+            self.log.note(None, "File magic is invalid", _REINDEX)
             return self._next_chunk(0)
         elif (version := 100 * int(found[1]) + int(found[2])) != _VERSION:
-            self._log.note(None, f"Bag version {version} is not supported", _REINDEX)
+            self.log.note(None, f"Bag version {version} is not supported", _REINDEX)
             return size
         elif found.end() == size:
-            self._log.note(None, "it holds no record", _REINDEX)
+            self.log.note(None, "it holds no record", _REINDEX)
         return found.end() if found else size
 
     def _record(self, offset: int) -> Record:
         """Read the record there; raises BagError if none begins or one but a chunk is cut off."""
-        head = self._window.peek(offset, LONGEST_CHUNK_HEAD)
-        size = header_size(head)
-        if size > len(head):
-            head = self._window.peek(offset, size)
+        head = self._window.read(offset, LONGEST_CHUNK_HEAD)
+        if len(head) < _SIZE.size:
+            raise BagError("a record is cut off")
+        (size,) = _SIZE.unpack_from(head)
+        if size > LARGEST_DEFINITION:
+            raise BagError(f"no record begins with {head[: _SIZE.size].hex(' ')}")
+        if size + 2 * _SIZE.size > len(head):
+            head = self._window.read(offset, size + 2 * _SIZE.size)
         found = record_at(head, 0, len(head))
         record = Record(found.fields, offset + found.start, offset + found.end)
         is_whole = record.end <= self._window.size and record.end - record.start <= LARGEST_CONTENT
@@ -295,7 +277,7 @@ class Walk:
             return chunk._replace(end=min(longest, self._window.size)), chunk.end
         other = chunk._replace(end=chunk.start + _number(chunk, b"size"))
         if self._begins_record(other.end):
-            self._log.note(place, "a chunk is damaged (its length is wrong)")
+            self.log.note(place, "a chunk is damaged (its length is wrong)")
             return other, other.end
         return chunk, chunk.end
 
@@ -307,34 +289,33 @@ class Walk:
         found: list[Entry] = []
         while (record := self._record_or_none(offset)) and record.kind == INDEX:
             offset = record.end
-            data = self._window.peek(record.start, record.end - record.start)
+            data = self._window.read(record.start, record.end - record.start)
             entries = entries_of(record, data)
             if entries is None:
-                self._log.note(place, "a chunk is damaged (its index has not the size it states)")
+                self.log.note(place, "a chunk is damaged (its index has not the size it states)")
             else:
                 found += entries
         self._indexed.update(connection for connection, _, _ in found)
         return found, offset
 
     def _record_or_none(self, offset: int) -> Record | None:
-        try:
+        with suppress(BagError):
             return self._record(offset)
-        except BagError:
-            return None
+        return None
 
     def _keep(self, place: int, record: Record) -> None:
         """Keep a record that is neither chunk nor message."""
         if record.kind == BAG_HEADER:
             self._header = record
             if encryptor := record.fields.get(b"encryptor"):
-                self._log.note(
+                self.log.note(
                     None, f"Bag encryption {encryptor.decode(errors='replace')!r} is not supported"
                 )
         if record.kind not in (CONNECTION, CHUNK_INFO):
             return
         if self._index_start is None:
             self._index_start = place
-        data = self._window.peek(record.start, record.end - record.start)
+        data = self._window.read(record.start, record.end - record.start)
         try:
             if record.kind == CONNECTION:
                 number, connection = connection_of(record, data)
@@ -344,16 +325,17 @@ class Walk:
                 self.counts[chunk] = counts
                 self._indexed.update(counts)
                 if len(counts) != record.number(b"count"):
-                    self._log.note(place, "the index has not the counts of a chunk that it states")
+                    self.log.note(place, "the index has not the counts of a chunk that it states")
         except BagError as error:
-            self._log.note(place, str(error))
+            self.log.note(place, str(error))
 
     def _next_chunk(self, start: int) -> int:
         """Return where the next chunk begins, or the index, or else the end of the file."""
         place = start
         while (found := self._window.search(CHUNK_PATTERN, place, 8)) is not None:
             for begin in range(max(start, found - LONGEST_CHUNK_HEAD), found):
-                if self._begins_chunk(begin):
+                record = self._record_or_none(begin)
+                if record and record.kind == CHUNK and record.fields.keys() >= _CHUNK_FIELDS:
                     return begin
             place = found + 1
         index = 0 if self._header is None else _number(self._header, b"index_pos")
@@ -367,12 +349,6 @@ class Walk:
                 return False
             offset = record.end
         return offset == self._window.size
-
-    def _begins_chunk(self, offset: int) -> bool:
-        record = self._record_or_none(offset)
-        return bool(
-            record and record.kind == CHUNK and {b"compression", b"size"} <= record.fields.keys()
-        )
 
 
 def _number(record: Record, name: bytes) -> int:

@@ -9,14 +9,14 @@ off, reading continues at the next message of the index behind it.
 
 from collections import Counter
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from serd_bag.damage import Damage, DamageLog
+from serd_bag.damage import DamageLog, FileScan
 from serd_bag.errors import BagError, disk_errors
 from serd_bag.formats.limits import LARGEST_CONTENT
 from serd_bag.formats.mcap.window import FileWindow
@@ -26,7 +26,6 @@ from serd_bag.formats.ros1.records import (
     Connection,
     Entry,
     Part,
-    Record,
     Walk,
     connection_of,
     record_at,
@@ -40,13 +39,6 @@ _HEADER = "std_msgs/msg/Header"
 _LARGEST_CHUNK = 2 * LARGEST_CONTENT
 
 
-class _Converted(NamedTuple):
-    """One connection: its topic, and the store that converts its messages, None where unknown."""
-
-    topic: Topic
-    store: Typestore | None
-
-
 class _Found(NamedTuple):
     """A message of a chunk: the entry that an index should have of it, and its data.
 
@@ -58,75 +50,56 @@ class _Found(NamedTuple):
     data: bytes
 
 
-class Ros1Scan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`.
-
-    n_left_out: messages that were found, but are not among those given.
-    """
-
-    has_checksums = False
+class Ros1Scan(FileScan):
+    """One pass through one .bag file."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self._log = DamageLog(path)
-        self.counts: Counter[str] = Counter()
-        self.expected: int | None = None
-        self.n_left_out = 0
+        super().__init__(path)
         self._connections: dict[int, Connection] = {}
-        self._listed: dict[int, Connection] = {}
-
-    @property
-    def damage(self) -> list[Damage]:
-        """Each kind of fault that was found."""
-        return self._log.damage
 
     def topics(self) -> list[Topic]:
         """Topics of the file, by its index if that is right; of several types the first."""
-        log = DamageLog(self.path)
-        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
-            walk = _ended(Walk(FileWindow(stream), log))
-            known = walk.connections
-            if log or any(walk.faults()):
-                for _ in self.messages(frozenset()):
-                    pass
-                known = {**self._listed, **self._connections}
+        known = self._index.connections
+        if self._index.log or any(self._index.faults()):
+            for _ in self.messages(frozenset()):
+                pass
+            known = {**known, **self._connections}
         found: dict[str, Topic] = {}
         for connection in known.values():
-            topic = _converted(connection).topic
+            topic, _ = _converted(connection)
             found.setdefault(topic.name, topic)
         return list(found.values())
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all; publish times are the log times."""
         n_broken = n_unknown = 0
+        if self._index.counts:
+            self.expected = sum(sum(counts.values()) for counts in self._index.counts.values())
         with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
             window = FileWindow(stream)
-            index = _ended(Walk(window, DamageLog(self.path)))
-            self._listed = index.connections
-            if index.counts:
-                self.expected = sum(sum(counts.values()) for counts in index.counts.values())
             walk = Walk(window, self._log)
             for part in walk.parts():
-                for found in self._messages_of(part, window, index):
+                for found in self._messages_of(part, window):
                     number, time_ns, _ = found.entry
-                    connection = self._connection(number)
+                    listed = self._index.connections.get(number)
+                    connection = self._connections.get(number) or listed
                     if connection is None:
                         n_unknown += 1
                         continue
-                    kind = _converted(connection)
-                    name, type_name = kind.topic.name, kind.topic.type_name
-                    if topics is not None and name not in topics:
-                        self.counts[name] += 1
+                    topic, store = _converted(connection)
+                    if topics is not None and topic.name not in topics:
+                        self.counts[topic.name] += 1
                         continue
-                    converted = _cdr(kind, found.data)
+                    converted = _cdr(topic.type_name, store, found.data)
                     if converted is None:
                         n_broken += 1
                         continue
-                    self.counts[name] += 1
-                    yield RawMessage(name, type_name, converted, time_ns, time_ns)
+                    self.counts[topic.name] += 1
+                    yield RawMessage(topic.name, topic.type_name, converted, time_ns, time_ns)
             for fault in walk.faults():
                 self._note(fault)
-            if self._listed and self._connections.keys() - self._listed.keys():
+            indexed = self._index.connections
+            if indexed and self._connections.keys() - indexed.keys():
                 self._note("the index does not have all connections of the chunks")
         self.n_left_out = n_broken + n_unknown
         if n_unknown:
@@ -134,7 +107,16 @@ class Ros1Scan:
         if n_broken:
             self._note(f"{n_broken} messages do not fit the definition of their type")
 
-    def _messages_of(self, part: Part, window: FileWindow, index: Walk) -> Iterator[_Found]:
+    @cached_property
+    def _index(self) -> Walk:
+        """The walk through the file that has found all that stands outside of its chunks."""
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            walk = Walk(FileWindow(stream), DamageLog(self.path))
+            for _ in walk.parts():
+                pass
+        return walk
+
+    def _messages_of(self, part: Part, window: FileWindow) -> Iterator[_Found]:
         """Yield the messages of a chunk, or the one outside of chunks."""
         place, record, entries = part
         size = min(record.end, window.size) - record.start
@@ -169,7 +151,7 @@ class Ros1Scan:
             and not (len(entries) == counts.total() and places >= set(entries))
         ):
             fault = "the index behind it does not fit its messages"
-        if not fault and index.counts.get(place, counts) != counts:
+        if not fault and self._index.counts.get(place, counts) != counts:
             fault = "the index counts other messages than it has"
         if fault:
             self._log.note(place, f"a chunk is damaged ({fault})")
@@ -184,9 +166,17 @@ class Ros1Scan:
         offset = last = begin
         before: int | None = None
         while offset < end:
-            found = _inner_record(block, offset, end)
-            if isinstance(found, str):
-                yield found
+            try:
+                record = record_at(block, offset, end)
+                if record.end > end or record.kind not in (MESSAGE, CONNECTION):
+                    raise BagError("a record in it is cut off")
+                data = block[record.start : record.end]
+                if record.kind == CONNECTION:
+                    self._add(*connection_of(record, data))
+                else:
+                    entry = record.number(b"conn"), record.time_ns(), offset - begin
+            except BagError as error:
+                yield str(error)
                 later = (each for each in entries if each[2] > last - begin)
                 places = (
                     begin + each[2]
@@ -196,15 +186,10 @@ class Ros1Scan:
                 offset = next(places, end)
                 last, before = offset, None
                 continue
-            record, content = found
-            if isinstance(content, Connection):
-                self._add(record.number(b"conn"), content)
+            if record.kind == CONNECTION:
                 before = offset if before is None else before
             else:
-                number, time_ns = content
-                start = offset if before is None else before
-                data = block[record.start : record.end]
-                yield _Found((number, time_ns, offset - begin), start - begin, data)
+                yield _Found(entry, entry[2] if before is None else before - begin, data)
                 before = None
             last, offset = offset, record.end
 
@@ -213,40 +198,8 @@ class Ros1Scan:
         kept = self._connections.setdefault(number, connection)
         if kept != connection:
             self._note(f"connection {number} is defined twice, in different ways")
-            if self._listed.get(number) == connection:
+            if self._index.connections.get(number) == connection:
                 self._connections[number] = connection
-
-    def _connection(self, number: int) -> Connection | None:
-        return self._connections.get(number) or self._listed.get(number)
-
-    def _note(self, what: str) -> None:
-        self._log.note(None, what)
-
-
-def _ended(walk: Walk) -> Walk:
-    """Go through all parts of a walk, and return the walk."""
-    for _ in walk.parts():
-        pass
-    return walk
-
-
-def _inner_record(
-    block: bytes, offset: int, end: int
-) -> tuple[Record, Connection | tuple[int, int]] | str:
-    """Read the record there in a chunk; returns a sentence if none begins there.
-
-    Returned with the record is the connection, or the number of the connection and the time of a
-    message.
-    """
-    try:
-        record = record_at(block, offset, end)
-        if record.end > end or record.kind not in (MESSAGE, CONNECTION):
-            return "a record in it is cut off"
-        if record.kind == CONNECTION:
-            return record, connection_of(record, block[record.start : record.end])[1]
-        return record, (record.number(b"conn"), record.time_ns())
-    except BagError as error:
-        return str(error)
 
 
 def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
@@ -261,8 +214,9 @@ def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
 
 
 @lru_cache(maxsize=256)
-def _converted(connection: Connection) -> _Converted:
-    """The topic with the definition of ROS 2, whose Header has no `seq`."""
+def _converted(connection: Connection) -> tuple[Topic, Typestore | None]:
+    """The topic with the definition of ROS 2, whose Header has no `seq`, and the store that
+    converts its messages, None where the definition cannot be read."""
     topic, name, text = connection
     try:
         types = get_types_from_msg(text, name)
@@ -274,14 +228,14 @@ def _converted(connection: Connection) -> _Converted:
         definition, _ = store.generate_msgdef(name, ros_version=2)
         recorded = MessageType(name, definition, store.hash_rihs01(name))
     except Exception:  # a recorded text may be anything
-        return _Converted(Topic(topic, MessageType(name, "", "", ""), (RELIABLE,)), None)
-    return _Converted(Topic(topic, recorded, (RELIABLE,)), store)
+        return Topic(topic, MessageType(name, "", "", ""), (RELIABLE,)), None
+    return Topic(topic, recorded, (RELIABLE,)), store
 
 
-def _cdr(kind: _Converted, data: bytes) -> bytes | None:
-    if kind.store is None or len(data) > LARGEST_CONTENT:
+def _cdr(type_name: str, store: Typestore | None, data: bytes) -> bytes | None:
+    if store is None or len(data) > LARGEST_CONTENT:
         return None
     try:
-        return bytes(kind.store.ros1_to_cdr(data, kind.topic.type_name))
+        return bytes(store.ros1_to_cdr(data, type_name))
     except Exception:  # generated code raises errors of any kind for foreign bytes
         return None

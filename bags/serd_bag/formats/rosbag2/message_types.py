@@ -68,7 +68,9 @@ _TYPE_NAME = re.compile(r"\w+/msg/\w+")
 
 @dataclass(frozen=True)
 class MessageType:
-    """name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01.
+    """The definition of a message type.
+
+    name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01.
 
     encoding: how the text is written, `ros2msg` or `ros2idl`, empty where there is no text.
     """

@@ -11,12 +11,6 @@ from serd_bag.errors import BagError
 from serd_bag.formats.limits import yaml_values
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
-_HISTORY: dict[Any, Literal["keep_last", "keep_all"]] = {
-    1: "keep_last",
-    2: "keep_all",
-    "keep_last": "keep_last",
-    "keep_all": "keep_all",
-}
 
 
 @dataclass(frozen=True)
@@ -56,20 +50,16 @@ def qos_text(profiles: Sequence[QosProfile]) -> str:
 
 @lru_cache(maxsize=256)
 def qos_of_text(text: str) -> tuple[QosProfile, ...]:
-    """The profiles in such a text; none where it is no list of profiles."""
+    """The profiles in such a text; none where it is no list of profiles.
+
+    Unknown values become the defaults. Older rosbag2 writes the numbers of rmw.
+    """
     try:
-        return qos_of_values(yaml_values(text)) if text else ()
+        profiles = yaml_values(text) if text else ()
     except BagError:
         return ()
-
-
-def qos_of_values(values: Any) -> tuple[QosProfile, ...]:
-    """Profiles of a list of dicts; unknown values become the defaults.
-
-    Older rosbag2 writes history, reliability and durability as the numbers of rmw.
-    """
-    profiles = values if isinstance(values, list) else []
-    return tuple(_profile(value) for value in profiles if isinstance(value, dict))
+    values = profiles if isinstance(profiles, list) else []
+    return tuple(_profile(value) for value in values if isinstance(value, dict))
 
 
 def profile_to_offer(recorded: Sequence[QosProfile]) -> QosProfile:
@@ -79,12 +69,15 @@ def profile_to_offer(recorded: Sequence[QosProfile]) -> QosProfile:
 
 
 def _profile(value: dict[str, Any]) -> QosProfile:
+    history, depth = value.get("history"), value.get("depth")
     best_effort = value.get("reliability") in (2, "best_effort")
     latched = value.get("durability") in (1, "transient_local")
-    depth = value.get("depth")
+    keeps_all: Literal["keep_all", "unknown"] = (
+        "keep_all" if history in (2, "keep_all") else "unknown"
+    )
     return QosProfile(
         reliability="best_effort" if best_effort else "reliable",
         durability="transient_local" if latched else "volatile",
-        history=_HISTORY.get(value.get("history"), "unknown"),
+        history="keep_last" if history in (1, "keep_last") else keeps_all,
         depth=depth if isinstance(depth, int) and depth > 0 else 0,
     )

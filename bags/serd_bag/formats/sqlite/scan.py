@@ -13,10 +13,10 @@ import sqlite3
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 
-from serd_bag.damage import Damage
+from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_CONTENT, WRONG_TIMES
 from serd_bag.formats.rosbag2.message_types import ENCODING, MessageType
@@ -32,47 +32,41 @@ _Row = tuple[int, int, bytes]
 _MAKE = tuple.__new__
 
 
-class SqliteScan:
-    """One pass through one file; `damage` and `counts` are complete after `messages`.
-
-    n_left_out: messages that were found, but are not among those given.
-    thorough: let SQLite check the whole file first, else only what it reads.
-    """
-
-    has_checksums = False
+class SqliteScan(FileScan):
+    """One pass through one .db3 file; thorough: let SQLite check the whole file first, else only
+    what it reads."""
 
     def __init__(self, path: Path, *, thorough: bool = False) -> None:
-        self.path = path
-        self.damage: list[Damage] = []
-        self.counts: Counter[str] = Counter()
-        self.expected: int | None = None
-        self.n_left_out = 0
+        super().__init__(path)
         self._thorough = thorough
 
     def topics(self) -> list[Topic]:
         """Topics of the file; of a damaged one those whose rows are left."""
-        with _complete(self.path) as path:
-            found = _topics(path)
+        with _opened(self.path) as (path, database):
+            found = _topics(path, database)
             if not found:
-                self._note(_fault(path) or "it names no topic")
+                self._note(_fault(database) or "it names no topic")
         return list(found.values())
 
     def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics, None for all; publish times are the log times."""
         n_unknown = n_untimed = 0
-        with _complete(self.path) as path:
-            fault = _fault(path, whole=self._thorough)
+        with _opened(self.path) as (path, database):
+            fault = _fault(database, whole=self._thorough)
             if fault:
                 self._note(fault)
-            known = _topics(path)
+            known = _topics(path, database)
             wanted = None
             if topics is not None:
                 wanted = [number for number, topic in known.items() if topic.name in topics]
-            if not (wanted is None or fault):
-                self.counts.update(_counts(path, known, wanted))
+            condition = "" if wanted is None else f" topic_id IN ({', '.join(map(str, wanted))})"
+            if condition and not fault:
+                self.counts.update(_counts(database, known, f" WHERE NOT{condition}"))
             names = {number: (topic.name, topic.type_name) for number, topic in known.items()}
             n_read = dict.fromkeys(names, 0)
-            for number, time_ns, data in self._salvaged(path) if fault else _rows(path, wanted):
+            condition = condition and f" WHERE{condition}"
+            rows = self._salvaged(path) if fault else self._rows(database, condition)
+            for number, time_ns, data in rows:
                 if number not in n_read or data.__class__ is not bytes:
                     n_unknown += 1
                     continue
@@ -86,7 +80,7 @@ class SqliteScan:
             for number, count in n_read.items():
                 self.counts[names[number][0]] += count
             n_found = self.counts.total() + n_unknown + n_untimed
-            n_indexed = n_found if fault else _n_indexed(path)
+            n_indexed = n_found if fault else _n_indexed(database)
             if n_indexed is not None and n_indexed != n_found:
                 self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
         self.n_left_out = n_unknown + n_untimed
@@ -95,8 +89,20 @@ class SqliteScan:
         if n_untimed:
             self._note(f"{n_untimed} {WRONG_TIMES}")
 
+    def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
+        """Rows of messages in the order of recording."""
+        data = "CASE WHEN length(data) <= ? THEN data END"
+        query = f"SELECT topic_id, timestamp, {data} FROM messages{condition}"
+        try:
+            yield from database.execute(query, (LARGEST_CONTENT,))
+        except sqlite3.Error as error:
+            raise DamagedBagError(
+                f"{self.path} cannot be read any further ({error}); repair it with"
+                " 'serd bag recover'"
+            ) from None
+
     def _salvaged(self, path: Path) -> Iterator[_Row]:
-        """Rows of messages, each once."""
+        """Rows of messages, each once, of a damaged file."""
         pages = _pages(path)
         seen: set[int] = set()
         for number, row in pages.rows():
@@ -108,121 +114,85 @@ class SqliteScan:
         if pages.n_cut:
             self._note(f"{pages.n_cut} rows are cut off or damaged")
 
-    def _note(self, what: str) -> None:
-        self.damage.append(Damage(self.path, None, what))
 
-
-def _connection(path: Path) -> sqlite3.Connection:
-    uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
-    connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
-    connection.text_factory = lambda text: text.decode("utf-8", errors="replace")
-    return connection
-
-
-def _fault(path: Path, *, whole: bool = True) -> str:
+def _fault(database: sqlite3.Connection, *, whole: bool = True) -> str:
     """Why SQLite finds the file damaged, empty where it is sound; whole: read all of it."""
     result = "ok"
     try:
-        with closing(_connection(path)) as connection:
-            for table in ("messages", "topics"):
-                if not _is_plain(connection, table):
-                    return f"the database has no plain table {table!r}"
-            if whole:
-                (result,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
-            connection.execute("SELECT id, topic_id, timestamp, data FROM messages LIMIT 1")
-            connection.execute("SELECT id, name, type FROM topics LIMIT 1")
+        for table in ("messages", "topics"):
+            if not _is_plain(database, table):
+                return f"the database has no plain table {table!r}"
+        if whole:
+            (result,) = database.execute("PRAGMA integrity_check(1)").fetchone()
+        database.execute("SELECT id, topic_id, timestamp, data FROM messages LIMIT 1")
+        database.execute("SELECT id, name, type FROM topics LIMIT 1")
     except sqlite3.Error as error:
         return f"the database cannot be read ({error})"
     verdict = " ".join(str(result).removeprefix("*** in database main ***").split())
     return "" if verdict == "ok" else f"the database is damaged ({verdict})"
 
 
-def _is_plain(connection: sqlite3.Connection, table: str) -> bool:
+def _is_plain(database: sqlite3.Connection, table: str) -> bool:
     """Whether it holds stored rows only: a view or computed column could give any number of any
     size."""
     query = "SELECT type, sql FROM sqlite_master WHERE name = ? COLLATE NOCASE"
-    found = connection.execute(query, (table,)).fetchall()
     plain = all(
         kind == "table" and not str(text).upper().startswith("CREATE VIRTUAL")
-        for kind, text in found
+        for kind, text in database.execute(query, (table,)).fetchall()
     )
-    columns = connection.execute(f"PRAGMA table_xinfo({table})").fetchall()
+    columns = database.execute(f"PRAGMA table_xinfo({table})").fetchall()
     return plain and all(hidden == 0 for *_, hidden in columns)
 
 
-def _counts(path: Path, topics: dict[int, Topic], left_out: list[int]) -> Counter[str]:
-    """Messages of all other topics than those left out, of which nothing else is read."""
+def _counts(database: sqlite3.Connection, topics: dict[int, Topic], condition: str) -> Counter[str]:
+    """Messages of topics of which nothing else is read."""
     found: Counter[str] = Counter()
-    query = f"SELECT topic_id, COUNT(*) FROM messages WHERE topic_id NOT IN ({_list(left_out)})"
-    with closing(_connection(path)) as connection, suppress(sqlite3.Error):
-        for number, count in connection.execute(f"{query} GROUP BY topic_id"):
+    query = f"SELECT topic_id, COUNT(*) FROM messages{condition} GROUP BY topic_id"
+    with suppress(sqlite3.Error):
+        for number, count in database.execute(query):
             if number in topics:
                 found[topics[number].name] += count
     return found
 
 
-def _n_indexed(path: Path) -> int | None:
+def _n_indexed(database: sqlite3.Connection) -> int | None:
     """Count the messages in the index that rosbag2 makes of their times, if there is one.
 
     SQLite reads the index without the table, in which a wrong page may hide rows.
     """
     query = "SELECT COUNT(timestamp) FROM messages INDEXED BY timestamp_idx"
-    with closing(_connection(path)) as connection, suppress(sqlite3.Error):
-        return int(connection.execute(query).fetchone()[0])
+    with suppress(sqlite3.Error):
+        return int(database.execute(query).fetchone()[0])
     return None
 
 
-def _rows(path: Path, topics: list[int] | None) -> Iterator[_Row]:
-    """Rows of messages in the order of recording, of these topics or of all."""
-    condition = "" if topics is None else f" WHERE topic_id IN ({_list(topics)})"
-    data = "CASE WHEN length(data) <= ? THEN data END"
-    query = f"SELECT topic_id, timestamp, {data} FROM messages{condition}"
+def _topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]:
+    """Topics by number; of a damaged file those whose rows are left.
+
+    Older files have no type hashes and definitions, still older ones no quality of service.
+    """
     try:
-        with closing(_connection(path)) as connection:
-            yield from connection.execute(query, (LARGEST_CONTENT,))
-    except sqlite3.Error as error:
-        raise DamagedBagError(
-            f"{path} cannot be read any further ({error}); repair it with 'serd bag recover'"
-        ) from None
-
-
-def _list(numbers: list[int]) -> str:
-    return ", ".join(map(str, numbers))
-
-
-def _topics(path: Path) -> dict[int, Topic]:
-    """Topics by number; of a damaged file those whose rows are left."""
-    try:
-        with closing(_connection(path)) as connection:
-            return _listed_topics(connection)
+        columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
+        qos, digest = (
+            name if name in columns else "''"
+            for name in ("offered_qos_profiles", "type_description_hash")
+        )
+        texts: dict[str, tuple[str, str]] = {}
+        if database.execute("PRAGMA table_info(message_definitions)").fetchall():
+            query = "SELECT topic_type, encoding, encoded_message_definition"
+            definitions = database.execute(f"{query} FROM message_definitions")
+            texts = {name: (encoding, text) for name, encoding, text in definitions}
+        found = {}
+        query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
+        for number, name, type_name, encoding, profiles, type_hash in database.execute(query):
+            if isinstance(name, str) and isinstance(type_name, str):
+                written, text = texts.get(type_name, (ENCODING, ""))
+                recorded = MessageType(type_name, text, type_hash, written)
+                found[number] = Topic(name, recorded, qos_of_text(str(profiles)), encoding)
+        return found
     except sqlite3.Error:
         rows = _pages(path).rows()
         return dict(each for number, row in rows for each in _topic_row(number, row))
-
-
-def _listed_topics(connection: sqlite3.Connection) -> dict[int, Topic]:
-    """Older schemas have no type hashes, still older ones no quality of service."""
-    columns = {row[1] for row in connection.execute("PRAGMA table_info(topics)")}
-    qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
-    digest = "type_description_hash" if "type_description_hash" in columns else "''"
-    texts = _definitions(connection)
-    query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
-    found = {}
-    for number, name, type_name, serialization, profiles, type_hash in connection.execute(query):
-        if not (isinstance(name, str) and isinstance(type_name, str)):
-            continue
-        encoding, text = texts.get(type_name, (ENCODING, ""))
-        recorded = MessageType(type_name, text, type_hash, encoding)
-        found[number] = Topic(name, recorded, qos_of_text(str(profiles)), serialization)
-    return found
-
-
-def _definitions(connection: sqlite3.Connection) -> dict[str, tuple[str, str]]:
-    """(encoding, definition) by type; none in files of versions before Iron."""
-    if not connection.execute("PRAGMA table_info(message_definitions)").fetchall():
-        return {}
-    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-    return {name: (encoding, text) for name, encoding, text in connection.execute(query)}
 
 
 def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Topic]]:
@@ -242,17 +212,22 @@ def _pages(path: Path) -> SqlitePages:
 
 
 @contextmanager
-def _complete(path: Path) -> Iterator[Path]:
-    """The file; where it was not closed a copy that includes what SQLite keeps beside it."""
+def _opened(path: Path) -> Iterator[tuple[Path, sqlite3.Connection]]:
+    """The file and its database; where it was not closed, of a copy that includes what SQLite
+    keeps beside it."""
     beside = [path.with_name(path.name + ending) for ending in _UNFINISHED]
     unfinished = [file for file in beside if file.is_file() and file.stat().st_size]
-    if not unfinished:
-        yield path
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        for file in (path, *unfinished):
-            shutil.copy(file, folder)
-        copy = Path(folder) / path.name
-        with suppress(sqlite3.Error), closing(sqlite3.connect(copy)) as connection:
-            connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-        yield copy
+    with ExitStack() as stack:
+        if unfinished:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            for file in (path, *unfinished):
+                shutil.copy(file, folder)
+            path = folder / path.name
+            with suppress(sqlite3.Error), closing(sqlite3.connect(path)) as copy:
+                copy.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        with disk_errors("read", path, BagError):
+            path.open("rb").close()
+        uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+        database = sqlite3.connect(uri, uri=True, check_same_thread=False)
+        database.text_factory = lambda text: text.decode("utf-8", errors="replace")
+        yield path, stack.enter_context(closing(database))

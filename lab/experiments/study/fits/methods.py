@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from serd_app.learning import methods as product
-from serd_app.learning.fit_data import FitData
-from serd_app.learning.methods import MethodResult
+from serd_app.learning.methods import FitData, MethodResult
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
 from serd_core.grid.navigation import NavigationProblem

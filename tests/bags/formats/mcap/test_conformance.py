@@ -6,7 +6,7 @@ from itertools import product
 import pytest
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Message, Schema
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 
 from serd_bag.command.rewrite import convert
 from serd_bag.formats.mcap.definitions import Definitions
@@ -15,7 +15,7 @@ from serd_bag.formats.mcap.scan import McapScan
 from serd_bag.health.check import check_bag
 from serd_bag.reader import BagReader
 from support.damaged_files import write_flipped, write_wrong
-from support.mcap_files import CONTENTS, Feature, encoded, mcap_file, variants
+from support.mcap_files import CONTENTS, Feature, encoded, mcap_file, variants, write_official
 
 _OPTIONS = (
     "repeat_channels", "repeat_schemas", "use_chunking", "use_statistics",
@@ -55,22 +55,6 @@ def test_check_reports_files_without_checksums(tmp_path):
         assert any("has no checksums" in remark for remark in check.remarks) != checksums
 
 
-def write(path, n_messages, **options):
-    """A file of the official writer; its messages."""
-    with path.open("wb") as stream:
-        writer = Writer(stream, **options)
-        writer.start("ros2", "test")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        channel = writer.register_channel("/text", "cdr", schema)
-        messages = [(n, n + 1, b"\0\1\0\0" + bytes([n]) * 20) for n in range(n_messages)]
-        for log_time, publish_time, data in messages:
-            writer.add_message(channel, log_time, data, publish_time)
-        writer.add_attachment(1, 2, "map.yaml", "text/yaml", b"resolution: 0.05")
-        writer.add_metadata("robot", {"name": "one"})
-        writer.finish()
-    return messages
-
-
 @pytest.mark.parametrize(
     ("content", "features"),
     [
@@ -88,7 +72,7 @@ def test_every_flipped_byte_is_reported_where_checksums_cover_the_file(tmp_path,
     if content in CONTENTS:
         path.write_bytes(mcap_file(CONTENTS[content], features))
     else:
-        write(path, 3, use_chunking=bool(features), enable_data_crcs=True)
+        write_official(path, ["/text"], 3, use_chunking=bool(features), enable_data_crcs=True)
     whole = path.read_bytes()
     for place in range(len(whole)):
         write_flipped(path, whole, place, place * 3 % 8)
@@ -102,7 +86,7 @@ def test_all_option_sets_of_the_official_writer_are_sound(tmp_path):
         compression, index_types = kinds[number % len(kinds)]
         options = dict(zip(_OPTIONS, values, strict=True))
         options |= {"compression": compression, "index_types": index_types}
-        expected = write(path, 12, chunk_size=100, **options)
+        expected = write_official(path, ["/text"], 12, chunk_size=100, **options)
         assert found_in(path) == (expected, []), options
 
 
@@ -118,7 +102,7 @@ def shorten_a_message_in_a_chunk(path):
 
 
 def lengthen_a_name_in_the_summary(path):
-    write(path, 3, enable_crcs=False)
+    write_official(path, ["/text"], 3, enable_crcs=False)
     whole = path.read_bytes()
     write_wrong(path, whole, whole.rindex(b"std_msgs/msg/String") - 4, b"\xff")
 
@@ -152,7 +136,7 @@ def test_records_of_later_versions_are_skipped_and_channels_found_behind_their_m
 
 
 def test_attachments_and_metadata_are_in_the_converted_bag(tmp_path):
-    write(tmp_path / "old.mcap", 3)
+    write_official(tmp_path / "old.mcap", ["/text"], 3)
     convert(tmp_path / "old.mcap", tmp_path / "new")
     with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
         reader = make_reader(stream)

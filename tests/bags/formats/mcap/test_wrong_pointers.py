@@ -14,51 +14,30 @@ import pytest
 from mcap.opcode import Opcode
 from mcap.records import Footer
 from mcap.stream_reader import MAGIC_SIZE, StreamReader
-from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType
 
 from serd_bag.command.rewrite import convert, recover
 from serd_bag.errors import BagError
 from serd_bag.formats.mcap.records import RECORD_HEAD
 from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.reader import BagReader
-from support.damaged_files import write_wrong
-from support.mcap_files import encoded
+from support.damaged_files import counts_of, write_wrong, wrong_numbers
+from support.mcap_files import encoded, records, write_official
 
 N_MESSAGES = 12
 COUNTS = {"/text": 8, "/other": 4}
 
 
 def file_with(path, **options):
-    """A file of the official writer: three chunks, two channels, an attachment and metadata."""
-    with path.open("wb") as stream:
-        writer = Writer(stream, chunk_size=190, **options)
-        writer.start("ros2", "test")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        text, other = (writer.register_channel(name, "cdr", schema) for name in COUNTS)
-        for number in range(N_MESSAGES):
-            channel, data = text if number % 3 else other, b"\0\1\0\0" + bytes([number]) * 20
-            writer.add_message(channel, log_time=number + 1, data=data, publish_time=number)
-            if number == 5:
-                writer.add_attachment(1, 2, "map.yaml", "text/yaml", b"resolution: 0.05")
-                writer.add_metadata("robot", {"name": "one"})
-        writer.finish()
+    """Three chunks, two channels, an attachment and metadata."""
+    write_official(path, ["/other", "/text", "/text"], N_MESSAGES, chunk_size=190, **options)
     return path.read_bytes()
 
 
-def records(content):
-    """(opcode, where its content begins) of each record of a file."""
-    offset = MAGIC_SIZE
-    while offset < len(content) - MAGIC_SIZE:
-        opcode, length = RECORD_HEAD.unpack_from(content, offset)
-        yield opcode, offset + RECORD_HEAD.size
-        offset += RECORD_HEAD.size + length
-
-
 def wrong_values(content, right):
-    """Places of all kinds, and numbers near the right one."""
-    starts = [start - RECORD_HEAD.size for _, start in records(content)]
-    values = {0, MAGIC_SIZE, starts[1] + 20, starts[2], starts[-2], len(content) + 1000}
-    return sorted((values | {len(content), right + 1, right - 1, 2**64 - 1}) - {right, -1})
+    return wrong_numbers(
+        content, [start - RECORD_HEAD.size for _, start in records(content)], right
+    )
 
 
 def changed(record, content):
@@ -97,10 +76,6 @@ def sealed(content, *, checksum):
     (start,) = struct.unpack_from("<Q", content, footer + RECORD_HEAD.size)
     digest = zlib.crc32(content[start or footer : -MAGIC_SIZE - 4]) if checksum else 0
     return content[: -MAGIC_SIZE - 4] + digest.to_bytes(4, "little") + MCAP0_MAGIC
-
-
-def counts_of(found):
-    return {topic.name: topic.n_messages for topic in found.topics}
 
 
 def assert_all_messages_are_found(path, name=""):

@@ -1,21 +1,13 @@
 """Bags of ROS 1 read as the messages of ROS 2, judged by rosbags, which converts them here."""
 
-import re
-
-import numpy as np
 import pytest
 from rosbags.convert import convert as convert_to_ros_1
 from rosbags.typesys import Stores, get_typestore
 
-from serd_app.drives.mapped import mapped_drive_in
-from serd_app.drives.mapping import BagMapping
 from serd_bag.command.rewrite import convert
-from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import MessageType, message_type
-from serd_bag.health.check import check_bag
 from serd_bag.messages.fields import POSES, field_reader
 from serd_bag.reader import BagReader
-from serd_core.grid.grid import Action
 from support.bag_messages import POSE, TF, TWIST, write_bag
 
 START_S = 1_700_000_000
@@ -59,40 +51,3 @@ def test_messages_are_those_of_ros_2_with_their_definitions(both, tmp_path):
     assert read.numbers[0] == "pose.position.x"
     assert convert(both[1], tmp_path / "again").counts == dict.fromkeys(TOPICS, 81)
     assert list(BagReader(tmp_path / "again").messages()) == list(old.messages())
-
-
-@pytest.mark.parametrize(
-    "mapping",
-    [
-        BagMapping(pose_topic="pose", action_from="velocity", action_topic="cmd_vel"),
-        BagMapping(pose_topic="tf", frame="odom", action_from="motion"),
-        BagMapping(
-            pose_topic="state",
-            pose_fields=("pose.position.x", "pose.position.y"),
-            action_from="motion",
-        ),
-    ],
-)
-def test_drives_are_read_from_it(both, mapping):
-    drive = mapped_drive_in(BagReader(both[1]), mapping)
-    np.testing.assert_allclose(drive.position_m[[0, -1]], [[0.0, 0.5], [8.0, 0.5]], atol=1e-6)
-    if mapping.action_from == "motion":
-        assert drive.intent_action.tolist() == [Action.EAST]
-
-
-@pytest.mark.parametrize(
-    ("content", "sentence"),
-    [
-        (b"", "seems to be empty; record it again$"),
-        (b"#ROSBAG V1.2\n", "Bag version 102 is not supported"),
-        (b"#ROSBAG V2.0\n", "; 'rosbag reindex' of ROS 1 may repair it$"),
-    ],
-)
-def test_a_file_without_an_index_gets_a_sentence(tmp_path, content, sentence):
-    path = tmp_path / "killed.bag"
-    path.write_bytes(content)
-    with pytest.raises(BagError, match=sentence):
-        BagReader(path)
-    assert re.search(sentence, check_bag(path).faults[0])
-    with pytest.raises(BagError, match=f"holds bags of ROS 1; give each of them, as {path}"):
-        BagReader(tmp_path)

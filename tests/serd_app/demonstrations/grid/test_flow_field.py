@@ -6,13 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from serd_app.demonstrations.flow_field import (
-    FlowField,
-    flow_from_recordings,
-    flow_of_people,
-    load_flow,
-    save_flow,
-)
+from serd_app.demonstrations.decision_table import FlowField, load_flow, save_flow
+from serd_app.demonstrations.flow_field import flow_from_recordings, flow_of_people
 from serd_app.drives.recording import Recording
 from serd_bag.errors import BagError, FileError
 from serd_bag.messages.plain import decode, points_of
@@ -100,9 +95,8 @@ TABLE_GRID = Grid((-1.0, 2.0), 0.5, np.array([[True, False, True], [True, True, 
 
 
 def save(path, grid, flow):
-    zeros = np.zeros(grid.n_states, dtype=int)
-    velocity = np.zeros((grid.n_states, 2))
-    save_flow(path, grid, FlowField(flow, velocity, zeros, zeros))
+    zeros = np.zeros((grid.n_states, 2), dtype=int)
+    save_flow(path, grid, FlowField(flow, zeros, *zeros.T))
 
 
 @settings(max_examples=30)

@@ -6,9 +6,8 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from serd_app.demonstrations.discretise import MOST_MOVING_WAITS
+from serd_app.demonstrations.discretise import MOST_MOVING_WAITS, demonstrations_of_drives
 from serd_app.demonstrations.fitted_grid import fitted_grid
-from serd_app.demonstrations.recorded import demonstrations_of_all
 from serd_app.demonstrations.suggest import suggest_mapping
 from serd_app.drives.mapping import ASSUMED_UNITS, BagMapping
 from serd_app.drives.recording import read_recording
@@ -46,7 +45,7 @@ def suggested(bag, tmp_path):
     assert recording.assumed == (ASSUMED_UNITS,)
     assert f"# {ASSUMED_UNITS}\n" in text
     grid = fitted_grid([recording], found.cell_size_m)
-    assert demonstrations_of_all([recording], grid, 4.0, 1.0)[0].report == report
+    assert demonstrations_of_drives(recording.drives, grid, 4.0, 1.0)[1] == report
     return found
 
 

@@ -64,6 +64,7 @@ def velocity_actions(commands, yaw_rad=0.0, hold_s=0.5, span=SPAN, pose_time_s=(
         (ONE, {"hold_s": math.inf}, [(0.0, EAST)]),
         ([], {}, [(0.0, SILENCE)]),
         ([(2.0, 0.0, 0.0)], {}, [(0.0, SILENCE), (2.0, WAIT), (2.5, SILENCE)]),
+        ([(3.4, 0.5, 0.0)], {}, [(0.0, SILENCE), (3.4, EAST), (3.9, SILENCE)]),
         ([(-0.5, 0.5, 0.0), (4.0, 0.5, 0.0)], {}, [(0.0, SILENCE)]),
     ],
 )
@@ -361,6 +362,7 @@ def test_a_mapping_of_our_own_topics_gives_the_drive_of_the_recorder(own_bag):
     (direct,) = read_drives(own_bag)
     assert [span.outcome for span in direct.episodes] == ["arrived", "cut_off"]
     assert set(direct.intent_action) == {NORTH}
+    assert (direct.n_bad_poses, direct.n_unplaced_poses, direct.n_bad_commands) == (0, 0, 0)
     mapped = mapped_drive_in(BagReader(own_bag), BagMapping(episode_topic="/robot/episode"))
     assert mapped.episodes == direct.episodes
     for name in ("pose_time_s", "position_m", "intent_time_s", "intent_action"):

@@ -13,23 +13,11 @@ from selenium.webdriver.common.keys import Keys
 
 from serd_app.teleop.page.hub import EmergencyStop, Episode, Hold
 from serd_app.teleop.page.server import PageAccess, PageServer
-from serd_app.teleop.page.view import (
-    overlay_of,
-    scene_of,
-    watched_scene_of,
-    world_state,
-)
+from serd_app.teleop.page.view import overlay_of, scene_of, watched_scene_of, world_state
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
-from support.browser import (
-    DEVICES,
-    SCHEMES,
-    needs_chromium,
-    start_chromium,
-    view,
-    violations,
-)
+from support.browser import DEVICES, SCHEMES, needs_chromium, start_chromium, view, violations
 from support.observations import observation_at
 from support.waiting import wait_until
 

@@ -1,6 +1,7 @@
 """The open pages without a connection: who drives, what is requested, what waits for each page."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,23 +15,14 @@ START = Episode(type="episode", do="start")
 REFUSAL = {"type": "notice", "text": "another page is driving; close it first"}
 
 
-class Clock:
-    """A monotonic clock that the test sets."""
-
-    now_s = 0.0
-
-    def __call__(self):
-        return self.now_s
-
-
 @pytest.fixture
 def clock():
-    return Clock()
+    return SimpleNamespace(now_s=0.0)
 
 
 @pytest.fixture
 def hub(clock):
-    return Hub('{"type": "scene"}', clock=clock)
+    return Hub('{"type": "scene"}', clock=lambda: clock.now_s)
 
 
 @pytest.fixture

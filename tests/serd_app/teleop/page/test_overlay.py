@@ -1,13 +1,12 @@
 """The overlay of a learned model, against shortest paths and the model's own numbers."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
-from serd_app.teleop.page.view import overlay_of
+from serd_app.teleop.page.view import overlay_of, point
 from serd_core.grid.grid import Action
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.world.waypoint import Waypoint
 from tests.conftest import MEAN_S, model_row
 
 HALLWAY = load_scenario("hallway")
@@ -25,14 +24,12 @@ def with_moves(probabilities, **law):
 
 
 def n_cells_to_the_goal(problem):
-    """(S,) length of the shortest path, by Dijkstra's algorithm on the reversed moves."""
-    successors = problem.grid.neighbours
-    states = np.repeat(np.arange(len(successors)), successors.shape[1])
-    # SciPy 1.11's csgraph takes indices of 32 bits only.
-    arrows = np.stack([successors.ravel(), states]).astype(np.int32)
-    shape = (len(successors), len(successors))
-    graph = coo_array((np.ones(successors.size), tuple(arrows)), shape=shape).tocsr()
-    return dijkstra(graph, indices=problem.goal_states, unweighted=True, min_only=True)
+    """(S,) length of the shortest path, by ever longer ways from the goal."""
+    lengths = np.full(problem.grid.n_states, np.inf)
+    lengths[problem.goal_states] = 0.0
+    while np.isinf(lengths).any():
+        lengths = np.minimum(lengths, 1.0 + lengths[problem.grid.neighbours].min(axis=1))
+    return lengths
 
 
 def test_where_every_move_succeeds_at_once_the_median_is_a_second_for_each_cell(save_model_of):
@@ -59,3 +56,8 @@ def test_directions_are_those_of_the_greedy_moves(save_model_of):
     np.testing.assert_allclose(step_m, grid.cell_size_m * directions[moved])
     assert moved.sum() > 50
     assert not directions[greedy == Action.WAIT].any()
+
+
+def test_a_waypoint_is_a_point_in_millimetres():
+    assert point(Waypoint(1.23456, -2.0)) == [1.235, -2.0]
+    assert point(None) is None

@@ -6,7 +6,7 @@ from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.patches import Polygon
 from matplotlib.quiver import Quiver
 
-from serd_app.report.figures.maps import (
+from serd_app.report.maps import (
     draw_flow_map,
     draw_policy_map,
     draw_scenario_plan,

@@ -1,1 +1,0 @@
-"""One figure per module: pure functions from plain values to a matplotlib Figure."""
