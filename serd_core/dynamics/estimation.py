@@ -163,7 +163,8 @@ def most_likely_dynamics(
 
     pseudo_count: of every outcome, or (M, K).
     """
-    require_positive("pseudo_count", np.min(pseudo_count))
+    if not isinstance(pseudo_count, np.ndarray):
+        require_positive("pseudo_count", pseudo_count)
     pseudo = np.broadcast_to(pseudo_count, model.local_shape).astype(np.float64)
     seen, found = outcome_sets(model, observations), []
     for m, start in enumerate(_shared(model, seen, pseudo)):

@@ -15,7 +15,9 @@ BOTH = np.ones((2, 1), bool)
 #: Two states, one action, three outcomes; in state 1 two of them land in the same cell.
 MODEL = sc.OutcomeModels([[[0, 1, 0]], [[1, 0, 1]]], [[0], [0]], BOTH, n_models=1)
 #: The same dynamics, of which the energies have another scale.
-SCALED = sc.OutcomeModels(MODEL.successors, MODEL.model_of, BOTH, n_models=1, beta=0.7)
+SCALED = sc.OutcomeModels(
+    MODEL.successors, MODEL.model_of, BOTH, n_models=1, beta=0.7, intended=[2]
+)
 REFERENCE = np.array([[0.2, 0.3, 0.5]])
 PAIRS = np.array([[2.0], [0.5]])
 
@@ -24,6 +26,7 @@ PRIORS = [
     KldPrior(0.7, REFERENCE, Block.BELIEF, state_action_weights=PAIRS),
     CouplingPrior(0.7),
     DirichletPrior(0.3, Block.BELIEF),
+    DirichletPrior(0.3, intended_ratio=7.0),
     GaussianPrior((0.5, 2.0), Block.REWARD),
     KldPrior(0.7, REFERENCE) + CouplingPrior(0.7) + DirichletPrior(0.7) + UniformPrior(),
 ]
@@ -107,16 +110,17 @@ def test_priors_of_what_the_problem_does_not_have_are_refused(prior, model, sent
 PLANE = np.array([[1.0, -1.0, 0.0], [1.0, 1.0, -2.0]]) / np.sqrt([[2.0], [6.0]])
 
 
-@pytest.mark.parametrize("beta", [1.0, 0.5])
-def test_priors_of_dynamics_are_densities_of_energies_without_gauge(beta):
-    model = sc.OutcomeModels(MODEL.successors, [[0], [1]], BOTH, 2, beta)
+@pytest.mark.parametrize(("beta", "ratio"), [(1.0, 1.0), (0.5, 1.0), (0.5, 4.0)])
+def test_priors_of_dynamics_are_densities_of_energies_without_gauge(beta, ratio):
+    model = sc.OutcomeModels(MODEL.successors, [[0], [1]], BOTH, 2, beta, intended=[1, 1])
+    counts = 0.7 * np.array([1.0, ratio, 1.0])
     belief, truth = np.array([[0.4, -1.1], [0.9, 0.2]]), np.array([[-0.3, 0.5], [1.2, -0.7]])
     place = Parameters(np.zeros(0), (belief @ PLANE).ravel(), (truth @ PLANE).ravel(), np.zeros(0))
     for block in (Block.BELIEF, Block.TRUTH):
-        prior, expected = DirichletPrior(0.7, block), 0.0
+        prior, expected = DirichletPrior(0.7, block, ratio), 0.0
         for row in model.local_probabilities(place.block(block)):
             # By log-ratios the density has the factor prod P more than by probabilities.
-            expected += scipy.stats.dirichlet.logpdf(row, [0.7] * 3) + np.sum(np.log(row))
+            expected += scipy.stats.dirichlet.logpdf(row, counts) + np.sum(np.log(row))
             expected += 2.0 * np.log(beta) + 0.5 * np.log(3.0)
         found = prior.evaluate(model, place).value + prior.log_constant(model, place)
         assert found == pytest.approx(expected)
