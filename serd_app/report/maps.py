@@ -32,7 +32,7 @@ from serd_sim.scenario.scenario import Scenario
 OUTLINE_DASHES = (0, (2, 1))
 _MARGIN_M = 0.5
 #: From the edge of an area to where its name may stand.
-_BESIDE_M = 0.4
+_NAME_BESIDE_M = 0.4
 #: Between ticks, or a multiple of it where there would be more of them.
 _TICKS_M, _MOST_TICKS = 4.0, 15
 _GAP_IN, _SIDE_IN, _FOOT_IN, _HEIGHT_IN = 0.3, 0.85, 1.3, 7.3
@@ -40,8 +40,8 @@ _TITLE_HEIGHT_IN, _TITLE_WIDTH_IN, _LEGEND_WIDTH_IN = 0.45, 1.4, 4.3
 _LONGER_SIDE_IN, _SHORTEST_SIDE_IN = 5.5, 2.5
 _ROOM_IN = 1.2
 _LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), (style.INK, ":"))
-#: Loops that share a leg are drawn side by side.
-_BESIDE_M = 0.13
+#: Between loops that share a leg, which are drawn side by side.
+_LOOPS_BESIDE_M = 0.13
 _ARROW_EVERY_M = 4.0
 _LARGEST_GRID = 4000
 #: Widest shaft of an arrow, and the same in sides of its cell.
@@ -180,7 +180,7 @@ def draw_scenario_plan(scenario: Scenario) -> Figure:
         handles = []
         for number, loop in enumerate(loops):
             colour, line = _LOOKS[number % len(_LOOKS)]
-            beside_m = _BESIDE_M * (number - 0.5 * (len(loops) - 1))
+            beside_m = _LOOPS_BESIDE_M * (number - 0.5 * (len(loops) - 1))
             _draw_loop(axes, offset_loop(np.array(loop.waypoints_m), beside_m), colour, line)
             label = f"{loop.name} (share {loop.share:g}, lane \u00b1{loop.lane_half_width_m:g} m)"
             handles.append(Line2D([], [], color=colour, linestyle=line, label=label))
@@ -345,7 +345,10 @@ def _label_area(axes: Axes, name: str, polygon: FloatArray, colour: str, floor: 
     """The name below or above the area where that is outside the floor, else on it."""
     (left, bottom), (right, top) = polygon.min(axis=0), polygon.max(axis=0)
     x, y, aligned = (left + right) / 2, (bottom + top) / 2, "center"
-    for edge, beyond, vertical in ((bottom, -_BESIDE_M, "top"), (top, _BESIDE_M, "bottom")):
+    for edge, beyond, vertical in (
+        (bottom, -_NAME_BESIDE_M, "top"),
+        (top, _NAME_BESIDE_M, "bottom"),
+    ):
         if not floor.contains_point((x, edge + beyond)):
             y, aligned, name = edge + beyond / 2, vertical, name.replace("\n", " ")
             break

@@ -100,3 +100,10 @@ def test_every_loop_is_drawn_and_named(name):
     if name == "hallway":  # loops that share a way are beside each other
         east_sides = {round(max(line.get_xdata()), 3) for line in loops_in(figure)}
         assert len(east_sides) == len(loops)
+
+
+def test_the_name_of_an_area_at_a_wall_stands_outside_in_the_middle_of_its_room():
+    figure = draw_scenario_plan(load_scenario("hallway"))
+    places_m = {text.get_text(): text.get_position() for text in figure.axes[0].texts}
+    assert places_m["start train"] == pytest.approx((1.0, -0.2))
+    assert places_m["goal"] == pytest.approx((12.0, 15.8))
