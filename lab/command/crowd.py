@@ -126,7 +126,7 @@ def _simulated_meetings() -> Iterator[Row]:
                 for density in MEETING_DENSITIES
             ]
             who = f"{model}, {'a robot' if robot else 'people'}"
-            yield meetings_row(who, np.concatenate(found))
+            yield meetings_row(who, np.concatenate(found), n_aside=1 if robot else 2)
 
 
 def _compared(recorded: list[_Recording]) -> Iterator[Row]:

@@ -33,6 +33,11 @@ def head_on(moments: Iterable[Moment], meets: int | None = None) -> FloatArray:
     begun: dict[tuple[int, int], tuple[float, float]] = {}
     found = list[tuple[float, float]]()
     for ids, x_m, y_m, along_mps in moments:
+        at_m = dict(zip(ids.tolist(), x_m.tolist(), strict=True))
+        # Who is no longer near, as where a ring is cut in between, meets anew.
+        for one, other in [*begun]:
+            if abs(at_m.get(one, np.nan) - at_m.get(other, np.nan)) >= SEEN_M:
+                del begun[one, other]
         forward, back = (np.flatnonzero(sign * along_mps > _WALKS_MPS) for sign in (1.0, -1.0))
         gap_m = x_m[back] - x_m[forward][:, None]
         for i, j in np.argwhere(np.abs(gap_m) < SEEN_M):
@@ -103,9 +108,12 @@ def simulated_moments(
         yield ids, x_m, y_m, along_mps
 
 
-def meetings_row(who: str, found: FloatArray) -> Row:
-    """Quantiles of the distances when passing, and the mean way aside."""
+def meetings_row(who: str, found: FloatArray, n_aside: int = 2) -> Row:
+    """Quantiles of the distances when passing, and the mean way aside.
+
+    found: of `head_on`; n_aside: how many of the two who meet have a row in it.
+    """
     low, median, high = np.quantile(found[:, 0], (0.05, 0.5, 0.95))
     aside_m = float(found[:, 1].mean())
-    row: Row = {"who": who, "meetings": len(found), "passing_5_m": float(low)}
+    row: Row = {"who": who, "meetings": len(found) // n_aside, "passing_5_m": float(low)}
     return row | {"passing_m": float(median), "passing_95_m": float(high), "aside_m": aside_m}

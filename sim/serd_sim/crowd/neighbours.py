@@ -2,7 +2,7 @@
 
 Few people are all paired. Among many those within reach are found by a k-d tree, with a margin, and
 found again once somebody may have crossed half of it: the cost of a step grows with the number of
-people, not with its square. Pairs come in blocks whose arrays stay in the processor's cache.
+people, not with its square. Pairs come in blocks whose memory serves one step after another.
 """
 
 from collections.abc import Iterator

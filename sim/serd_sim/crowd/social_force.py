@@ -83,7 +83,7 @@ class SocialForceModel(ABC):
     relaxation_time_s: in which a walker takes up the wanted velocity. maximum_speed_ratio: highest
     speed relative to the wanted one. body_radius_m: of a person. evasion_clearance_m: to a robot in
     their way that people walk around; None: they walk straight. people_reach_m: distance beyond
-    which people do not feel each other, as a push is below 0.0001 m/s2.
+    which people do not feel each other.
     """
 
     relaxation_time_s: float = 0.5

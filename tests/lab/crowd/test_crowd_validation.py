@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lab.crowd.corridor_measures import Corridor, measure_recording
-from lab.crowd.meetings import head_on, recorded_moments
+from lab.crowd.meetings import head_on, meetings_row, recorded_moments
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from serd_files.trajectories.read import Track
 from serd_sim.crowd.crowd import Crowd
@@ -131,4 +131,14 @@ def test_who_meets_head_on_is_measured_when_passing():
     found = head_on(recorded_moments(tracks, Corridor(0, (0.0, 0.0), 4.0)))
     np.testing.assert_allclose(sorted(found[:, 1]), [0.1, 0.3], atol=1e-9)
     np.testing.assert_allclose(found[:, 0], 0.6, atol=1e-9)
+    assert meetings_row("both", found)["meetings"] == 1
     assert len(head_on(recorded_moments(tracks, Corridor(0, (0.0, 0.0), 4.0)), meets=1)) == 1
+
+
+def test_who_was_out_of_sight_meets_anew():
+    """Two come head-on, are parted by the cut of the ring, and pass each other 1 m apart."""
+    ids, along_mps = np.arange(2), np.array([1.0, -1.0])
+    ways = [(2.8, 0.1), (8.0, 0.1), (2.8, 1.0), (-0.1, 1.0)]
+    moments = [(ids, np.array([0.0, gap]), np.array([0.0, y]), along_mps) for gap, y in ways]
+    assert not len(head_on(moments))
+    assert len(head_on([moments[0], moments[-1]])) == 2
