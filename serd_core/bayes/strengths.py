@@ -1,14 +1,13 @@
 """MDCE SERD with the prior whose strengths the evidence chooses: the default of `fit_mdce_serd`.
 
-    w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c r, ..., c)
+    w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c rho, ..., c)
 
-sigma, c and, where models have an intended outcome, the ratio r of its pseudo-count to the others
+sigma, c and, where models have an intended outcome, the ratio rho of its pseudo-count to the others
 maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay 1992),
-without which few decisions would drive strengths to infinity. By r, a model that no decision shows
-is expected to have the outcome that it intends as often as the models that were seen. The fit
-starts without chance:
-reward weights from zero under the dynamics of the start, then both at once. From then on every
-change of the prior starts at the last maximum.
+without which few decisions would drive strengths to infinity. By rho, a model that no decision
+shows is expected to have the outcome that it intends about as often as the models that were seen.
+The fit starts without chance: reward weights from zero under the dynamics of the start, then both
+at once. From then on every change of the prior starts at the last maximum.
 """
 
 from dataclasses import dataclass, field, replace
@@ -35,7 +34,7 @@ from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.models import has_laws
 
 #: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
-#: the range of a feature, c in observations, that of log mean dwell times in nats.
+#: the range of a feature, c in observations, rho a factor, that of log mean dwell times in nats.
 HYPERPRIORS = {
     "deviation": (3.0, 0.7),
     "pseudo_count": (1.0, 0.5),
@@ -50,7 +49,7 @@ class PriorByEvidence:
 
     deviation: sigma of the weights, in nats over the range of a feature; pseudo_count: c of the
     outcomes; dwell_deviation: sd of log mean dwell times around a common one, where moves take time
-    (`DwellPrior`); intended_ratio: r, of models with an intended outcome. None for the one of
+    (`DwellPrior`); intended_ratio: rho, of models with an intended outcome. None for the one of
     highest evidence; few laws hold hardly any evidence of their deviation, and a small one makes
     moves that nobody makes as fast as the others.
 

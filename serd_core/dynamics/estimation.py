@@ -1,20 +1,20 @@
 """M-estimate of dynamics from observed transitions alone: InitialDynamicsEstimator.
 
-With counts n(s, a, s') and a Dirichlet prior that adds c pseudo-observations to every outcome, the
-estimate of outcome models maximises
+With counts n(s, a, s') and a Dirichlet prior that adds c_m(k) pseudo-observations to each outcome,
+the estimate of outcome models maximises
 
-    sum n(s,a,s') log sum_{k leads to s'} P_m(k)  +  c sum_{m,k} log P_m(k)
+    sum n(s,a,s') log sum_{k leads to s'} P_m(k)  +  sum_{m,k} c_m(k) log P_m(k)
 
 At walls several outcomes lead to the same s'. A few steps of expectation maximisation share each
 observation among them; Newton's method does the rest. With the relative moves x(k) = dP(k) / P(k)
 of one model, q_g the shares of the outcomes that explain an observation g, and r = c + sum_g n_g
 q_g, its step solves
 
-    A x = r - t P,   A = c I + sum_g n_g q_g q_g^T,   t such that sum_k P(k) x(k) = 0
+    A x = r - t P,   A = diag c + sum_g n_g q_g q_g^T,   t such that sum_k P(k) x(k) = 0
 
-A sum of logarithms that weigh at least m = min(1, c) is m times a self-concordant one. So where
-the decrement d = sqrt(x^T A x / m) is below 1, every P(k) is within a share d / (1 - d) of its
-most likely value (Nesterov and Nemirovskii, 1994).
+A sum of logarithms that weigh at least m = min(1, c(1), ..., c(K)) is m times a self-concordant
+one. So where the decrement d = sqrt(x^T A x / m) is below 1, every P(k) is within a share
+d / (1 - d) of its most likely value (Nesterov and Nemirovskii, 1994).
 """
 
 from dataclasses import dataclass
@@ -136,6 +136,7 @@ def estimate_dynamics(
         table = sc.estimate_dynamics(problem, decisions)
     """
     require_shown(decisions, "the M-estimate of dynamics by counts")
+    require_positive("pseudo_count", pseudo_count)
     seen = observe(problem, decisions)
     model = outcome_models_of(problem.mdp)
     outcomes = model.outcomes if isinstance(model, SemiMarkovModels) else model
@@ -161,10 +162,8 @@ def most_likely_dynamics(
 ) -> DynamicsEstimate:
     """Find the M-estimate by steps that share, and then by Newton's until it is certified.
 
-    pseudo_count: of every outcome, or (M, K).
+    pseudo_count: above 0, of every outcome, or (M, K).
     """
-    if not isinstance(pseudo_count, np.ndarray):
-        require_positive("pseudo_count", pseudo_count)
     pseudo = np.broadcast_to(pseudo_count, model.local_shape).astype(np.float64)
     seen, found = outcome_sets(model, observations), []
     for m, start in enumerate(_shared(model, seen, pseudo)):

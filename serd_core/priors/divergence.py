@@ -131,10 +131,9 @@ class CouplingPrior(Prior):
 class DirichletPrior(Prior):
     """A prior on outcome models: `pseudo_count` observations added to every outcome of each model.
 
-    The log density is c sum log P over the outcomes of a block, `Block.TRUTH` or `Block.BELIEF`.
-
-    intended_ratio: how many times as much is added to the outcome that a model intends
-    (`OutcomeModels.intended`). Models that no decision shows share by it what the others show.
+    The log density is sum c log P over the outcomes, and a constant; block: `Block.TRUTH` or
+    `Block.BELIEF`. intended_ratio: how many times as much is added to the outcome that a model
+    intends; other than 1 it needs `OutcomeModels` with `intended`.
 
         fit = sc.fit_mdce_serd(problem, decisions, rng=rng, prior=sc.DirichletPrior(1.0))
     """

@@ -19,7 +19,9 @@ def two_ways(discount, n_features=1):
     """
     successors = np.array([[[1, 0], [1, 0]], [[1, 1], [1, 1]]])
     available = np.array([[True, True], [True, False]])
-    models = sc.OutcomeModels(successors, np.array([[0, 1], [0, 0]]), available, n_models=3)
+    models = sc.OutcomeModels(
+        successors, np.array([[0, 1], [0, 0]]), available, n_models=3, intended=[0, 0, 0]
+    )
     table = np.zeros((2, 2, 2))
     table[1, :, 0] = table[0, 1, 1] = 1.0
     names = ("goal", "second")[:n_features]
@@ -32,9 +34,11 @@ def known(problem, decisions, mass=0.9, **options):
     return sc.outcome_information(sc.laplace(problem, decisions, fit), mass)
 
 
-def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distributions():
-    found = known(two_ways(0.0), apart(0, 0, np.arange(12) < 9))
-    after, before = scipy.stats.beta(9 + C, 3 + C), scipy.stats.beta(C, C)
+@pytest.mark.parametrize("ratio", [1.0, 4.0])
+def test_without_a_future_only_counts_inform_by_the_divergence_of_beta_distributions(ratio):
+    prior = sc.GaussianPrior(2.0, sc.Block.REWARD) + sc.DirichletPrior(C, intended_ratio=ratio)
+    found = known(two_ways(0.0), apart(0, 0, np.arange(12) < 9), prior=prior)
+    after, before = scipy.stats.beta(9 + ratio * C, 3 + C), scipy.stats.beta(ratio * C, C)
     divergence = scipy.integrate.quad(
         lambda p: after.pdf(p) * (after.logpdf(p) - before.logpdf(p)), 0, 1
     )[0]

@@ -20,11 +20,13 @@ N_CELLS = 6
 def one_way(places):
     """A ring of cells with one action; outcome k leads `places[k]` cells ahead. No choices.
 
-    The decisions are ten episodes of a robot that mostly takes the first outcome.
+    The decisions are ten episodes of a robot that mostly takes the first outcome. The model intends
+    the last one.
     """
     cells, shape = np.arange(N_CELLS), (N_CELLS, 1)
     successors = (cells[:, None, None] + np.array(places)) % N_CELLS
-    models = sc.OutcomeModels(successors, np.zeros(shape, int), np.ones(shape, bool), 1)
+    model_of, available = np.zeros(shape, int), np.ones(shape, bool)
+    models = sc.OutcomeModels(successors, model_of, available, 1, intended=[len(places) - 1])
     problem = sc.TabularProblem(sc.Mdp(models, 0.9), np.ones((*shape, 1)), ("one",))
     rest = len(places) - 1
     table = np.array([[0.9] + [0.1 / rest] * rest])
@@ -37,22 +39,28 @@ def fitted(problem, decisions, **prior):
 
 
 @pytest.mark.parametrize(
-    ("places", "pseudo_count"),
-    [([1, 0, 0], 0.3), ([1, 0, 0, 0, 0], 1.0), ([1, 0, 1, 0], 0.3), ([1, 0, 0, 2], 1.0)],
+    ("places", "pseudo_count", "ratio"),
+    [
+        ([1, 0, 0], 0.3, 1.0),
+        ([1, 0, 0, 0, 0], 1.0, 1.0),
+        ([1, 0, 1, 0], 0.3, 6.0),
+        ([1, 0, 0, 2], 1.0, 3.0),
+    ],
     ids=str,
 )
 def test_what_is_identified_has_its_beta_posterior_and_what_is_not_keeps_its_prior(
-    places, pseudo_count
+    places, pseudo_count, ratio
 ):
     problem, decisions = one_way(places)
-    found = fitted(problem, decisions, pseudo_count=pseudo_count)
+    found = fitted(problem, decisions, pseudo_count=pseudo_count, intended_ratio=ratio)
+    counts = pseudo_count * np.array([1.0] * (len(places) - 1) + [ratio])
     draws = sc.laplace_draws(found, np.random.default_rng(1), 3000)
     table = draws.outcome_probabilities[:, 0]
     ahead = (decisions.next_state - decisions.state) % N_CELLS
     for place in set(places):
         mine = np.array(places) == place
-        a = np.sum(ahead == place) + pseudo_count * mine.sum()
-        exact = scipy.stats.beta(a, len(decisions) + pseudo_count * len(places) - a)
+        a = np.sum(ahead == place) + counts[mine].sum()
+        exact = scipy.stats.beta(a, len(decisions) + counts.sum() - a)
         total = table[:, mine].sum(axis=1)
         assert total.std() == pytest.approx(exact.std(), rel=0.06)
         assert np.quantile(total, [0.05, 0.95]) == pytest.approx(
@@ -61,7 +69,7 @@ def test_what_is_identified_has_its_beta_posterior_and_what_is_not_keeps_its_pri
         assert scipy.stats.kstest(total, exact.cdf).pvalue > 1e-3
         if mine.sum() > 1:
             share = table[:, mine][:, 0] / total
-            unseen = scipy.stats.beta(pseudo_count, pseudo_count * (mine.sum() - 1))
+            unseen = scipy.stats.beta(counts[mine][0], counts[mine][1:].sum())
             # Counts are split by the last shares, so the states of a chain are correlated.
             assert share.mean() == pytest.approx(unseen.mean(), abs=0.2 * unseen.std())
             assert share.std() == pytest.approx(unseen.std(), rel=0.1)

@@ -117,8 +117,9 @@ def test_an_estimate_that_cannot_be_certified_is_refused_with_a_way_out(monkeypa
 KNOWN = sc.from_transitions(np.full((2, 1, 2), 0.5), np.ones((2, 1)), discount=0.9)
 
 
-def estimated(*rows):
-    return lambda: sc.estimate_dynamics(minimum_example_problem(0.9), decisions_of(rows))
+def estimated(*rows, pseudo_count=1.0):
+    problem = minimum_example_problem(0.9)
+    return lambda: sc.estimate_dynamics(problem, decisions_of(rows), pseudo_count)
 
 
 test_decisions_that_the_problem_rules_out_are_named_and_known_transitions_need_none = refusals(
@@ -127,6 +128,7 @@ test_decisions_that_the_problem_rules_out_are_named_and_known_transitions_need_n
     (estimated((0, 0, 5)), r"decisions\[0\] reaches state 5 from state 0"),
     (estimated((7, 0, 0)), r"state\[0\] must be below 2, got 7"),
     (estimated(), "decisions must hold at least one decision"),
+    (estimated((0, 0, 1), pseudo_count=np.array([1.0, 2.0])), "pseudo_count must be finite and ab"),
     (lambda: sc.estimate_dynamics(KNOWN, apart(0, 0, [1])), "must be OutcomeModels here, got Sp"),
     (lambda: sc.fit_mdce_serd(KNOWN, apart(0, 0, [1]), dynamics=[0.5]), "must be None"),
 )
