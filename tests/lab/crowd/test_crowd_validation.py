@@ -1,10 +1,12 @@
 """The crowd against measured ones: Weidmann, RiMEA, lanes, and a real corridor."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
 from lab.crowd.corridor_measures import Corridor, measure_recording
-from lab.crowd.meetings import head_on, meetings_row, recorded_moments
+from lab.crowd.meetings import ROBOT, head_on, meetings_row, recorded_moments, simulated_moments
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
 from serd_files.trajectories.read import Track
 from serd_sim.crowd.crowd import Crowd
@@ -133,6 +135,19 @@ def test_who_meets_head_on_is_measured_when_passing():
     np.testing.assert_allclose(found[:, 0], 0.6, atol=1e-9)
     assert meetings_row("both", found)["meetings"] == 1
     assert len(head_on(recorded_moments(tracks, Corridor(0, (0.0, 0.0), 4.0)), meets=1)) == 1
+
+
+def test_people_pass_a_robot_and_come_near_to_each_other_as_recorded_people_do():
+    """Passing at 0.62 m in the median; 5 % of nearest neighbours below 0.39 m (docs/crowd.md)."""
+    walk = {"model": "collision_prediction", "density_pm2": 1.0, "seed": 1, "duration_s": 30.0}
+    passing_m = head_on(simulated_moments(**walk, robot=True), ROBOT)[:, 0]
+    assert np.median(passing_m) == pytest.approx(0.62, abs=0.06)
+    nearest_m = []
+    for _, x_m, y_m, _ in islice(simulated_moments(**walk, robot=False), 0, None, 20):
+        along_m = np.abs(x_m - x_m[:, None])
+        away_m = np.hypot(np.minimum(along_m, 20.0 - along_m), y_m - y_m[:, None])
+        nearest_m.append((away_m + 9.0 * np.eye(len(away_m))).min(axis=1))
+    assert np.quantile(nearest_m, 0.05) == pytest.approx(0.39, abs=0.06)
 
 
 def test_who_was_out_of_sight_meets_anew():

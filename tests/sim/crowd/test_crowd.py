@@ -182,9 +182,10 @@ def test_people_pass_on_the_other_side_where_a_wall_leaves_no_room():
         assert heading_of_person_at_origin(robot, walls_m=wall_at_y(wall_m)) > 0.0
 
 
-@pytest.mark.parametrize(("clearance_m", "passes"), [(0.2, True), (None, False)])
+@pytest.mark.parametrize(("clearance_m", "passes"), [(0.1, True), (None, False)])
 def test_who_meets_a_robot_in_line_walks_around_it_and_is_not_pushed_back(clearance_m, passes):
     """It comes at 0.3 m/s; on the left a wall leaves no room. Repulsion alone has no side here."""
+    assert model_named("collision_prediction").evasion_clearance_m == 0.1
     walls_m = wall_at_y(0.6) if passes else FAR_WALL
     crowd = crowd_at("collision_prediction", [[0.0, 0.0]], [[50.0, 0.0]], walls_m=walls_m)
     crowd._model = dataclasses.replace(crowd._model, evasion_clearance_m=clearance_m)
