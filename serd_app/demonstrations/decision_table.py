@@ -127,7 +127,10 @@ class Place:
 
 
 class DemonstrationRecord(StrictModel):
-    """scenario: empty where the grid was fitted; patience_s, wait_s: see `DecisionEpochs`."""
+    """The file beside a table that states where its decisions were made, and when they end.
+
+    scenario: empty where the grid was fitted; patience_s, wait_s: see `DecisionEpochs`.
+    """
 
     remade_by: ClassVar[str] = "run 'serd demos' again"
 
@@ -209,7 +212,11 @@ def _require_of_scenario(files: dict[str, Path], place: Place, scenario: Scenari
 
 @dataclass(frozen=True, eq=False)
 class FlowField:
-    """flow (S,) an `Action` or -1; mean_velocity_mps (S, 2); order (S,) 0 to 1; count (S,)."""
+    """In which direction people walk in each state, and what it was derived from.
+
+    flow: (S,) an `Action` or -1 for none; mean_velocity_mps: (S, 2); order: (S,) 0 to 1; count:
+    (S,) how many were seen.
+    """
 
     flow: IntArray
     mean_velocity_mps: FloatArray
@@ -218,7 +225,7 @@ class FlowField:
 
 
 def save_flow(path: str | Path, grid: Grid, field: FlowField) -> None:
-    """Write one line per state."""
+    """Write the flow of people beside a table of decisions, one line per state."""
     names = [_NAMES[each] for each in field.flow.tolist()]
     numbers = field.order.round(4).tolist(), field.count.tolist()
     centers, velocities = grid.centers_m.T, field.mean_velocity_mps.round(4).T
