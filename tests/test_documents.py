@@ -10,6 +10,7 @@ from typer.main import get_command
 
 from lab.__main__ import app_of
 from lab.catalogue import NAMES
+from serd_bag.writer import BagWriter
 from serd_cli import options
 from serd_cli.app import make_app
 
@@ -69,8 +70,14 @@ PROGRAMS = {
 
 
 @pytest.mark.parametrize("page", sorted(PROGRAMS - RUN_ELSEWHERE))
-def test_the_programs_of_a_page_run_and_print_what_it_shows(root, page, capsys):
-    """A block `text` right after a block `python` is its output."""
+def test_the_programs_of_a_page_run_and_print_what_it_shows(
+    root, page, capsys, tmp_path, monkeypatch
+):
+    """A block `text` right after a block `python` is its output; there is a bag `drive` to read."""
+    monkeypatch.chdir(tmp_path)
+    with BagWriter("drive") as writer:
+        writer.add_topic("/odom", "nav_msgs/msg/Odometry")
+        writer.write("/odom", b"", 1)
     text = (root / page).read_text(encoding="utf-8")
     names: dict[str, object] = {}
     for program, shown in re.findall(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?", text, re.S):
