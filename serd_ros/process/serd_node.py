@@ -197,7 +197,7 @@ class Endpoints:
         return self._keep(Endpoints(self.node), Endpoints.close)
 
     def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Publisher:
-        """A publisher. It logs subscriptions that request more than it offers, except in a scope."""
+        """A publisher; outside of scopes it logs subscriptions that request more than it offers."""
         node = self.node
         events = None if self is node.endpoints else _NO_PUBLISHER_EVENTS
         made = node.create_publisher(kind, topic, profile, event_callbacks=events)
