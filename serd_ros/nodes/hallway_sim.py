@@ -44,8 +44,8 @@ from serd_sim.world.command import CommandGuard
 from serd_sim.world.world import HallwayWorld
 
 _RESEND_AFTER_S = 0.5
-#: More (s) between two looks at the silence is none: this process had no processor and could take
-#: no command.
+#: A longer time (s) between two calls of `_watch` is no silence of the driver: this process got no
+#: processor time and could receive no command.
 _LONGEST_TURN_S = 2.0
 #: Simulated time (s) between two reports of contacts that do not change.
 _REPORT_PERIOD_S = 0.5
@@ -143,7 +143,7 @@ class HallwaySim(SerdNode[HallwaySimConfig]):
                 self.get_logger().error(message)
 
     def _begin_live(self) -> None:
-        with suppress(SimError):  # with which the node ends
+        with suppress(SimError):  # which has ended the node
             self._begin_episode()
             scenario = self._world.scenario
             self.get_logger().info(
@@ -209,7 +209,7 @@ class WorldPublisher:
         self._pedestrians.publish(to_people_message(observation.people, observation.time_s))
         odometry = motion.to_odometry(observation, world.odometry_pose)
         self._odometry.publish(self._node.frames.prefixed(odometry))
-        # The last one, since it is what people wait for.
+        # The last one: with it the subscribers have the observation of this tick.
         self._pose.publish(motion.to_pose_stamped(observation.pose, observation.time_s))
 
     def _counts(self) -> dict[str, float]:
@@ -244,7 +244,7 @@ class LockstepLoop:
         self._begin_tick()
 
     def look(self) -> None:
-        """Go on from a goal that is none any more."""
+        """Go on where the robot stood in its goal and the goal has moved away."""
         if self._begun and self._awaited_ns is None and not self._world.in_goal:
             self._begin_tick()
 

@@ -69,7 +69,7 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
 
 class Planning(Activity):
-    """Converts, calls `LocalPlanner.step`, publishes `cmd_vel_raw`."""
+    """Converts, calls the planner's `step`, publishes `cmd_vel_raw`."""
 
     def __init__(
         self, scenario: Scenario, planner: RecoveringPlanner, endpoints: Endpoints

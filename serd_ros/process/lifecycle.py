@@ -13,7 +13,10 @@ from serd_ros.settings import ManagedConfig
 
 
 def bring_up(node: SerdNode[Any]) -> "Lifecycle | None":
-    """Let a managed node begin to work, or wait for its manager; any other works already."""
+    """Let a node that can be managed begin to work, or wait for its lifecycle manager.
+
+    Returns None for any other node, which works since it was constructed.
+    """
     return Lifecycle(node) if isinstance(node.config, ManagedConfig) else None
 
 

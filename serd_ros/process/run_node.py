@@ -106,7 +106,8 @@ class _StopSignal:
 def _spin(node: SerdNode[Any], stop: _StopSignal) -> int:
     """Spin with the events executor, the fastest here, until the node is done or a signal came.
 
-    Its `spin` keeps a core busy in these wheels; waiting for a future, turn by turn, does not.
+    Its `spin` keeps a core busy (in the Python packages of Jazzy that SERD installs); waiting for a
+    future, turn by turn, does not.
     """
     executor = EventsExecutor()
     executor.add_node(node)

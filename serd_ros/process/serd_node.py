@@ -86,7 +86,7 @@ class SerdNode(Node, Generic[Config]):
         self.add_post_set_parameters_callback(lambda _: self._guard_clock())
 
     def configure(self) -> "Activate":
-        """Read and check what a managed node needs; `lifecycle` calls what it returns."""
+        """Read and check what a managed node needs; calling what it returns begins the work."""
         raise NotImplementedError
 
     def finish(self, exit_code: int = 0) -> None:
@@ -175,11 +175,16 @@ class Endpoints:
         self._follows: dict[Subscription, Callable[[QoSProfile], Subscription]] = {}
 
     def _until_closed(self, guarded: Callable[..., Any]) -> Callable[..., Any]:
-        """The executor still calls what was due when its endpoint was destroyed."""
+        """The callback; after `close` it does nothing, and the one of a service responds empty.
+
+        The executor still calls what was due when its endpoint was destroyed.
+        """
 
         @wraps(guarded)
         def called(*arguments: Any) -> Any:
-            return guarded(*arguments) if not self._ended else arguments and arguments[-1]
+            if self._ended:
+                return arguments and arguments[-1]  # of a service: its response
+            return guarded(*arguments)
 
         return called
 
@@ -192,7 +197,7 @@ class Endpoints:
         return self._keep(Endpoints(self.node), Endpoints.close)
 
     def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Publisher:
-        """A publisher; one that lives as long as the node logs readers that request too much."""
+        """A publisher; outside of scopes it logs subscriptions that request more than it offers."""
         node = self.node
         events = None if self is node.endpoints else _NO_PUBLISHER_EVENTS
         made = node.create_publisher(kind, topic, profile, event_callbacks=events)

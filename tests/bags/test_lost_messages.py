@@ -71,6 +71,17 @@ def test_each_topic_is_compared_with_the_statistics_of_an_mcap_file(small_bag, m
         list(BagReader(folder / "small_0.mcap").messages())
 
 
+def test_a_flipped_bit_in_an_index_is_a_fault_and_costs_no_message(small_bag):
+    file = small_bag() / "small_0.mcap"
+    content = file.read_bytes()
+    entries = [at.start() for at in re.finditer(rb"\x07.{7}\0", content, flags=re.S)]
+    place = next(at for at in entries if content[at + 9 : at + 11] == b"\x01\0")
+    write_flipped(file, content, place + 20, 1)
+    assert len(list(BagReader(file).messages())) == 69
+    (fault,) = check_bag(file).faults
+    assert "the message index before this does not fit its chunk" in fault
+
+
 @pytest.mark.parametrize(
     ("listed", "wrong", "sentence"),
     [

@@ -30,6 +30,21 @@ def bag_of_poses(folder, messages, times_s, stamps_s=None):
     return write_bag(folder, {"/robot_pose": POSE, "/empty": POSE}, rows)
 
 
+def test_a_killed_recording_is_recovered_whole_and_rosbags_opens_it(small_bag, tmp_path):
+    folder = small_bag()
+    before = messages_in(folder)
+    (folder / "metadata.yaml").unlink()
+    file = folder / "small_0.mcap"
+    file.write_bytes(file.read_bytes()[: -file.stat().st_size // 4])
+    report = recover(folder, tmp_path / "recovered")
+    after = messages_in(tmp_path / "recovered")
+    assert after == before[: len(after)]
+    assert report.n_messages == len(after) > 30
+    assert (report.n_lost, len(report.damage)) == (None, 2)
+    with AnyReader([tmp_path / "recovered"]) as reader:
+        assert reader.message_count == len(after)
+
+
 def test_an_empty_folder_becomes_the_new_bag_and_one_that_holds_something_is_kept(
     small_bag, tmp_path
 ):

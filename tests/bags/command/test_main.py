@@ -102,6 +102,14 @@ def test_bad_input_is_one_line_and_exit_code_2(words, sentence, capsys):
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("name", ["bag.mcap", "bag.db3", "bag.bag"])
+def test_a_file_without_a_readable_message_ends_info_and_check_with_1(tmp_path, name, capsys):
+    (tmp_path / name).touch()
+    for words in (["info"], ["info", "--json"], ["check"]):
+        assert main([*words, str(tmp_path / name)]) == 1
+    assert f"{tmp_path / name}: no message" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("words", "unbuffered", "code"),
     [

@@ -9,7 +9,7 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from serd_bag.command.rewrite import recover
+from serd_bag.command.rewrite import convert, recover
 from serd_bag.errors import BagError
 from serd_bag.health.check import check_bag
 from serd_bag.reader import BagReader
@@ -159,6 +159,14 @@ def test_messages_packed_one_by_one_that_cannot_be_unpacked_are_counted(make, tm
         contents(bag)
     report = recover(bag, tmp_path / "new")
     assert (report.n_messages, report.n_lost) == (len(whole) - 2, 2)
+
+
+def test_check_reports_that_such_files_have_no_checksums(file):
+    check = check_bag(file.parent)
+    assert check.sound
+    assert "changed bytes in it cannot be detected" in check.remarks[-1]
+    converted = check_bag(convert(file.parent, file.parent.with_name("new")).target)
+    assert not any("checksum" in remark for remark in converted.remarks)
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,7 @@ def test_a_tilted_frame_is_refused_and_of_one_upside_down_the_angles_are_to_be_r
         ({"x": math.nan}, "transforms must be finite"),
         ({"x": 1.1e7}, "of at most 1e.07 m"),
         ({"roll": math.nan}, "with a unit quaternion"),
+        ({"roll": 2.0, "yaw": 2.0}, "with a unit quaternion"),  # its length is 1.2
     ],
 )
 def test_a_transform_that_is_none_is_refused(frames, values, sentence):

@@ -102,6 +102,6 @@ def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_
             running.receive("goal_pose", valid_message("goal_pose", time_s))
             assert runner.driving
             feed(running, time_s + 2.0)
-        assert stamp_s(running.sent["waypoint"].header.stamp) >= 10.0
+            assert time_s <= stamp_s(running.sent["waypoint"].header.stamp) <= time_s + 2.0
         assert runner.scenario.goal_area_m[0][1] <= GOAL_M[1]
         running.assert_alive()

@@ -106,3 +106,15 @@ def test_in_lock_step_a_planner_waits_for_a_directive_where_a_decision_epoch_beg
     assert lockstep.answered(10.55, 4.11)
     assert not lockstep.answered(14.0, 3.6), "the first tick of an episode"
     assert lockstep.answered(14.0, 3.6, directive)
+
+
+@pytest.mark.parametrize(
+    ("directive", "length_s"), [(Action.NORTH, 4.0), (Waypoint(2.5, 3.5), 1.0)]
+)
+def test_in_lock_step_a_decision_that_leads_nowhere_ends_after_patience_and_one_to_wait_sooner(
+    lockstep, directive, length_s
+):
+    assert lockstep.answered(10.0, 3.5, directive)
+    n_ticks = round(length_s / 0.05)
+    assert all(lockstep.answered(10.0 + 0.05 * tick, 3.5) for tick in range(1, n_ticks))
+    assert not lockstep.answered(10.0 + length_s, 3.5)

@@ -60,7 +60,7 @@ class Ros1Scan(FileScan):
     def topics(self) -> list[Topic]:
         """Topics of the file, by its index if that is right; of several types the first."""
         known = self._index.connections
-        if self._index.log or any(self._index.faults()):
+        if not self._is_index_sound:
             for _ in self.messages(frozenset()):
                 pass
             known = {**known, **self._connections}
@@ -115,6 +115,10 @@ class Ros1Scan(FileScan):
             for _ in walk.parts():
                 pass
         return walk
+
+    @cached_property
+    def _is_index_sound(self) -> bool:
+        return not self._index.log and not any(self._index.faults())
 
     def _messages_of(self, part: Part, window: FileWindow) -> Iterator[_Found]:
         """Yield the messages of a chunk, or the one outside of chunks."""
@@ -195,10 +199,17 @@ class Ros1Scan(FileScan):
 
     def _add(self, number: int, connection: Connection) -> None:
         """Keep a connection; of two with one number the one that the index has."""
+        listed = self._index.connections.get(number, connection)
+        twice = f"connection {number} is defined twice, in different ways"
+        if listed != connection and self._is_index_sound:
+            self._note(twice)
+            _, store = _converted(listed)
+            named = connection._replace(topic=listed.topic)  # as `topics` names it
+            connection = listed if store else named
         kept = self._connections.setdefault(number, connection)
         if kept != connection:
-            self._note(f"connection {number} is defined twice, in different ways")
-            if self._index.connections.get(number) == connection:
+            self._note(twice)
+            if listed == connection:
                 self._connections[number] = connection
 
 

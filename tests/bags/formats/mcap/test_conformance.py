@@ -135,9 +135,12 @@ def test_records_of_later_versions_are_skipped_and_channels_found_behind_their_m
         assert found_in(path) == (_ONE_MESSAGE, [])
 
 
-def test_attachments_and_metadata_are_in_the_converted_bag(tmp_path):
+def test_both_times_attachments_and_metadata_are_in_the_converted_bag(tmp_path):
     write_official(tmp_path / "old.mcap", ["/text"], 3)
     convert(tmp_path / "old.mcap", tmp_path / "new")
+    converted = list(BagReader(tmp_path / "new").messages())
+    assert converted == list(BagReader(tmp_path / "old.mcap").messages())
+    assert all(each.publish_time_ns != each.log_time_ns for each in converted)
     with (tmp_path / "new" / "new_0.mcap").open("rb") as stream:
         reader = make_reader(stream)
         (attachment,) = reader.iter_attachments()

@@ -1,5 +1,6 @@
 """No offset, length, count or number of a .bag file hides a message where it is wrong."""
 
+import re
 import struct
 from collections import Counter
 
@@ -12,10 +13,11 @@ from serd_bag.command.rewrite import recover
 from serd_bag.errors import BagError
 from serd_bag.health.check import check_bag, contents_of_bag
 from serd_bag.reader import BagReader
-from support.damaged_files import counts_of, write_wrong, wrong_numbers
+from support.damaged_files import counts_of, write_flipped, write_wrong, wrong_numbers
 
 TEXT, NUMBER = "std_msgs/msg/String", "std_msgs/msg/Int32"
 COUNTS = {"/text": 16, "/number": 8}
+N_MESSAGES = sum(COUNTS.values())
 MAGIC = b"#ROSBAG V2.0\n"
 INDEX, CHUNK, CHUNK_INFO, CONNECTION = 4, 5, 6, 7
 COMPRESSIONS = [None, *Writer.CompressionFormat]
@@ -31,7 +33,7 @@ def file_with(path, compression=None):
     with writer:
         text = writer.add_connection("/text", TEXT, typestore=store)
         number = writer.add_connection("/number", NUMBER, typestore=store)
-        for step in range(sum(COUNTS.values())):
+        for step in range(N_MESSAGES):
             kind, value = (TEXT, f"text {step:4}") if step % 3 else (NUMBER, step)
             data = store.serialize_ros1(store.types[kind](value), kind)
             writer.write(text if step % 3 else number, 10**18 + step, data)
@@ -88,6 +90,21 @@ def test_no_wrong_number_hides_a_message(tmp_path, compression):
                 assert counts_of(contents_of_bag(path)) == COUNTS
                 assert recover(path, tmp_path / "new").counts == COUNTS
     assert len(names) == 14
+
+
+@pytest.mark.parametrize("words", [b"/text", b"type=std_msgs/String", b"string data"])
+def test_a_connection_that_is_defined_in_two_ways_loses_no_message(tmp_path, words):
+    """It stands in a chunk and in the index."""
+    path = file_with(tmp_path / "file.bag")
+    content = path.read_bytes()
+    verdicts = []
+    for at in re.finditer(words, content):
+        write_flipped(path, content, at.start() + 2, 4)
+        check = check_bag(path)
+        assert check.n_messages == contents_of_bag(path).n_messages == N_MESSAGES
+        assert recover(path, tmp_path / f"new_{at.start()}").n_messages == N_MESSAGES
+        verdicts.append(check.sound)
+    assert verdicts.count(False) == 2  # the topic in the header of a connection is not used
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
