@@ -98,17 +98,24 @@ def append_row(path: str | Path, columns: Sequence[Column], row: Sequence[object
             os.fsync(stream.fileno())
 
 
-def read_table(path: str | Path, columns: Sequence[Column], *, growing: bool = False) -> list[Row]:
+def read_table(
+    path: str | Path,
+    columns: Sequence[Column],
+    *,
+    growing: bool = False,
+    fix: str = "choose another file",
+) -> list[Row]:
     """The rows of the table; FileError names the line, the column and the value of a fault.
 
     An empty cell is None in a nullable int column and NaN in a nullable float column.
-    growing: whether a last line without its end is left out, because it is being written.
+    growing: whether a last line without its end is left out, because it is being written. fix: what
+    to do about a table with other columns.
     """
     lines = _csv_lines(path, columns, growing=growing)
     _, header = next(lines, (1, []))
     names = _names(columns)
     if header != names:
-        raise FileError(f"{path}: {_header_fault(header, names)}")
+        raise FileError(f"{path}: {_header_fault(header, names)}; {fix}")
     missing = [math.nan if each.kind is float else None for each in columns]
     return [
         {
@@ -221,7 +228,7 @@ def _header_fault(header: list[str], known: list[str]) -> str:
     detail = f"has no column {missing[0]!r}" if missing else "has others, or in another order"
     return (
         f"must have the columns {shortened(', '.join(known))}, got"
-        f" {shortened(', '.join(header)) or 'none'}; it {detail}; choose another file"
+        f" {shortened(', '.join(header)) or 'none'}; it {detail}"
     )
 
 

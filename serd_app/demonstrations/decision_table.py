@@ -63,7 +63,7 @@ def save_decisions(path: str | Path, decisions: TimedDecisions) -> None:
 
 def load_decisions(path: str | Path) -> TimedDecisions:
     """Read what `save_decisions` wrote; FileError names the line and the column of a fault."""
-    rows = read_table(path, COLUMNS)
+    rows = read_table(path, COLUMNS, fix="make the table of decisions by 'serd demos'")
     try:
         return TimedDecisions(
             **{

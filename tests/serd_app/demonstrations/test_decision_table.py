@@ -54,6 +54,13 @@ def test_no_two_episodes_become_one(groups):
     assert np.all(np.diff(joined.episode) > 0)
 
 
+def test_a_table_of_something_else_names_the_command_that_makes_one(tmp_path):
+    path = tmp_path / "robot.csv"
+    path.write_text("timestamp,x,y\n1,2,3\n")
+    with pytest.raises(FileError, match="no column 'episode'; make the table of .* 'serd demos'"):
+        load_decisions(path)
+
+
 decision = st.tuples(
     *[st.integers(0, 999)] * 4, st.floats(-1e9, 1e9), st.floats(1e-9, 1e9), st.booleans()
 )
