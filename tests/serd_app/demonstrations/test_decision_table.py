@@ -57,7 +57,7 @@ def test_no_two_episodes_become_one(groups):
 def test_a_table_of_something_else_names_the_command_that_makes_one(tmp_path):
     path = tmp_path / "robot.csv"
     path.write_text("timestamp,x,y\n1,2,3\n")
-    with pytest.raises(FileError, match="no column 'episode'; make the table of .* 'serd demos'"):
+    with pytest.raises(FileError, match="make the table of decisions by 'serd demos'"):
         load_decisions(path)
 
 
