@@ -398,8 +398,7 @@ def _described(fit: FitResult, problem: NavigationProblem) -> str:
     return (
         f"by evidence: normal on reward weights, standard deviation {strengths['deviation']:.3g}"
         " nats over the range of a feature; Dirichlet on outcomes, pseudo-count"
-        f" {strengths['pseudo_count']:.3g}, of the intended one {strengths['intended_ratio']:.3g}"
-        " times that"
+        f" {strengths['pseudo_count']:.3g}"
     )
 
 

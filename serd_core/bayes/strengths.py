@@ -2,10 +2,11 @@
 
     w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c rho, ..., c)
 
-sigma, c and, where models have an intended outcome, the ratio rho of its pseudo-count to the others
-maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay 1992),
-without which few decisions would drive strengths to infinity. By rho, a model that no decision
-shows is expected to have the outcome that it intends about as often as the models that were seen.
+sigma, c and, where it is asked for, the ratio rho of the pseudo-count of the intended outcome to
+the others maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay
+1992), without which few decisions would drive strengths to infinity. By rho, a model that no
+decision shows is expected to have the outcome that it intends about as often as those that were
+seen; 1 is the symmetric prior.
 The fit starts without chance: reward weights from zero under the dynamics of the start, then both
 at once. From then on every change of the prior starts at the last maximum.
 """
@@ -38,7 +39,7 @@ from serd_core.semi_markov.models import has_laws
 HYPERPRIORS = {
     "deviation": (3.0, 0.7),
     "pseudo_count": (1.0, 0.5),
-    "intended_ratio": (3.0, 1.0),
+    "intended_ratio": (1.0, 1.5),
     "dwell_deviation": (1.0, 0.5),
 }
 
@@ -50,8 +51,9 @@ class PriorByEvidence:
     deviation: sigma of the weights, in nats over the range of a feature; pseudo_count: c of the
     outcomes; dwell_deviation: sd of log mean dwell times around a common one, where moves take time
     (`DwellPrior`); intended_ratio: rho, of models with an intended outcome. None for the one of
-    highest evidence; few laws hold hardly any evidence of their deviation, and a small one makes
-    moves that nobody makes as fast as the others.
+    highest evidence. Few laws hold hardly any evidence of their deviation, and a small one makes
+    moves that nobody makes as fast as the others; the search for rho may end at a bad maximum
+    (docs/evidence.md).
 
         fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(pseudo_count=1.0))
     """
@@ -59,7 +61,7 @@ class PriorByEvidence:
     deviation: float | None = None
     pseudo_count: float | None = None
     dwell_deviation: float | None = 1.0
-    intended_ratio: float | None = None
+    intended_ratio: float | None = 1.0
 
     def __post_init__(self) -> None:
         for name in HYPERPRIORS:

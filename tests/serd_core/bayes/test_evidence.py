@@ -209,12 +209,12 @@ def test_models_that_no_decision_shows_do_what_they_intend_as_often_as_the_other
     successors[1:] = np.arange(1, 4)[:, None, None]
     model_of, both = np.tile(np.arange(4), (4, 1)), np.ones((4, 4), bool)
     decisions = apart(0, np.repeat(np.arange(3), 30), np.tile([1] * 27 + [2, 2, 3], 3))
-    found = []
+    by_intention, found = sc.PriorByEvidence(intended_ratio=None), []
     for intended in (None, [0, 0, 0, 0]):
         models = sc.OutcomeModels(successors, model_of, both, 4, intended=intended)
         problem = sc.TabularProblem(sc.Mdp(models, 0.0), np.zeros((4, 4, 1)), ("nothing",))
-        found.append(sc.fit_mdce_serd(problem, decisions, prior=BY_EVIDENCE))
-    alike, by_intention = (fit.outcome_probabilities for fit in found)
+        found.append(sc.fit_mdce_serd(problem, decisions, prior=by_intention))
+    alike, shared = (fit.outcome_probabilities for fit in found)
     np.testing.assert_allclose(alike[3], 1 / 3, atol=1e-6)
-    np.testing.assert_allclose(by_intention[:3, 0], 0.9, atol=0.02)
-    assert 0.8 < by_intention[3, 0] < 0.95
+    np.testing.assert_allclose(shared[:3, 0], 0.9, atol=0.02)
+    assert 0.8 < shared[3, 0] < 0.95
