@@ -73,7 +73,9 @@ class PriorByEvidence:
         given: dict[str, float | None] = {"deviation": self.deviation}
         if belief.learns_dynamics:
             given["pseudo_count"] = self.pseudo_count
-            if isinstance(model.moves, OutcomeModels) and model.moves.intended is not None:
+            intends = isinstance(model.moves, OutcomeModels) and model.moves.intended is not None
+            # To models without intended outcomes a given one is refused by the prior.
+            if intends or self.intended_ratio is not None:
                 given["intended_ratio"] = self.intended_ratio
             if has_laws(model):
                 given["dwell_deviation"] = self.dwell_deviation

@@ -197,15 +197,12 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         gradient += at.zeros().with_block(Block.TRUTH, seen.dwells.evaluate(at.truth)[1])
         hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
     models = require_outcome_models(mdp.transitions, "this density")
-    size = models.n_energies
     groups = []
     for blocks, place in belief.places(at):
         if Block.REWARD not in blocks:
-            laws, count = (
-                slice(place.start + size, place.stop),
-                pseudo_counts_of(priors, blocks, models),
-            )
-            groups.append(OutcomeGroup(blocks, place, laws, count))
+            laws = slice(place.start + models.n_energies, place.stop)
+            counts = pseudo_counts_of(priors, blocks, models)
+            groups.append(OutcomeGroup(blocks, place, laws, counts))
     return Surrogate(
         posterior=without,
         space=space,

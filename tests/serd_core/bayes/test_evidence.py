@@ -191,6 +191,8 @@ def test_what_has_no_evidence_is_rejected_before_the_fit(gridworld):
         sc.fit_mdce_serd(*case, prior=BY_EVIDENCE, belief=sc.CoupledBelief(1.0))
     with pytest.raises(sc.SerdError, match="policy model with a temperature"):
         sc.fit_pm_serd(*case, prior=BY_EVIDENCE)
+    with pytest.raises(sc.SerdError, match="intended_ratio of DirichletPrior needs OutcomeModels"):
+        sc.fit_mdce_serd(*case, prior=sc.PriorByEvidence(intended_ratio=5.0))
 
 
 def test_a_callback_follows_and_stops_the_search(gridworld):
