@@ -16,7 +16,7 @@ class Work:
 #: Functions of these names in `lab.command.study`.
 STUDIES = {
     "hallway": "a populated hallway: who learns what, what arrives when (chapter 5)",
-    "detour": "a ring corridor where the short way leads against the flow",
+    "robots": "four robots on the same seeds, in two tasks",
     "people": "pedestrians of measured corridors as experts",
 }
 

@@ -43,7 +43,7 @@ KEPT = (
     Kept("ascents", "costs.csv", "gaps.png"),
     Kept("rust", "estimates.csv"),
     Kept("hallway", "figure_5_9.csv", "figure_5_9.png"),
-    Kept("detour", "summary.csv", "detour.png"),
+    Kept("robots", "summary.csv", "robots.png"),
     Kept("people", "summary.csv", "people.png"),
     Kept("durations", "summary.csv"),
     Kept("speed", figure="speed.png"),

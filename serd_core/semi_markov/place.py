@@ -255,7 +255,7 @@ def _informed(
     slope, bend = np.zeros(2 * model.n_laws), np.zeros((2 * model.n_laws,) * 2)
     if dwells is not None:
         slope, bend = dwells.evaluate(counted)[1][laws], dwells.hessian(counted)[laws, laws]
-    precision, by_law = prior.precision(model)[laws, laws], []
+    precision, by_law = prior.precision(model, counted)[laws, laws], []
     variance = np.diag(np.linalg.inv(precision - bend))
     for law in range(model.n_laws):
         own = np.isin(np.arange(2 * model.n_laws), [law, law + model.n_laws])

@@ -24,7 +24,7 @@ REFUSED = (
     ("hallway --quick --output afile", "a file of this name is in the way"),
     ("hallway --config people.yaml --output out", "people"),
     ("hallway --config arival.yaml --output out", "did you mean 'arrival'"),
-    ("detour --quick --output noted", "holds results of 'python -m lab priors"),
+    ("robots --quick --output noted", "holds results of 'python -m lab priors"),
     ("faults --fault scan_nam --output faults.csv", "did you mean 'scan_nan'"),
     ("crowd --output crowd.jpg", "--output must end in .png, got crowd.jpg"),
     ("crowd --recording none.txt", "lab: cannot read none.txt: it does not exist"),

@@ -40,7 +40,7 @@ def test_what_is_kept_is_compared_and_a_change_is_found(root, tmp_path, monkeypa
     assert main(["check"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert "differs     docs/results/ascents.csv" in lines
-    assert "no results  docs/results/detour.csv" in lines
+    assert "no results  docs/results/robots.csv" in lines
     assert main(["keep"]) == 0
     assert main(["check"]) == 0
     assert "10000 steps of gradient ascent" in (tmp_path / "docs" / "thesis.md").read_text()
