@@ -19,7 +19,8 @@ BY_SITE := tests/tools/test_notebooks.py tests/tools/test_site.py
 help:
 	@echo "make setup     set up .venv with what the product needs"
 	@echo "make build     set up .venv with what developers need, and build the ROS workspace"
-	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
+	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help'),"
+	@echo "               and four robots on the same seeds"
 	@echo "make test      every test                                                    (ARGS='-k name')"
 	@echo "make interfaces  build nav2_msgs, which has no wheel, for tests and for Nav2 (needs g++)"
 	@echo "make ubuntu    tests of mathematics and strategy with NumPy and SciPy of Ubuntu 24.04"
@@ -54,6 +55,8 @@ ubuntu:
 
 demo: $(VENV)/.run
 	@$(BIN)/serd demo $(ARGS)
+	@echo "four robots now drive two tasks on eight seeds each, in some minutes; Ctrl-C leaves them out"
+	@$(BIN)/python -m lab robots --demo
 
 test: build
 	@$(BIN)/python -m pytest -n 3 --dist worksteal $(BY_SITE:%=--ignore=%) $(ARGS)

@@ -108,7 +108,7 @@ def model_of(shown: Demonstrated, features: tuple[str, ...], *, counted: bool) -
     if not counted:
         return found.model
     (prior,) = (
-        term for term in terms_of(found.fit.assumptions.prior) if isinstance(term, DirichletPrior)
+        term for term in terms_of(found.fit.assumed.prior) if isinstance(term, DirichletPrior)
     )
     fit = fit_counted(task, shown.decisions, prior)
     dynamics, _ = dynamics_of(task.problem, shown.decisions, fit, None)
