@@ -6,8 +6,8 @@ irl       rewards by likelihood under counted dynamics and laws of dwell times, 
 shortest  no model: the way of the fewest cells, every move believed to succeed, ties at random
 goal      the local planner that is given the goal itself
 
-Rewards are of the goal and of walls. The robots with `_norm` have the social norm as a feature,
-too, which says which way people walk.
+Rewards are of the goal. The robots with `_norm` have the social norm as a feature, too, which says
+which way people walk.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.estimation import most_likely_dynamics
-from serd_core.grid.navigation import FEATURE_NAMES, MODEL_NAMES, SOCIAL_NORM, with_dwell_times
+from serd_core.grid.navigation import GOAL, MODEL_NAMES, SOCIAL_NORM, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.policies.solved_policy import optimal_policy
@@ -87,7 +87,7 @@ def robot(shown: Demonstrated, name: RobotName) -> dict[str, Any]:
     if name == "shortest":
         return {"policy": shortest_way(shown.scenario).tolist(), "learned": {}}
     with_norm = name.endswith("_norm")
-    features = tuple(each for each in FEATURE_NAMES if with_norm or each != SOCIAL_NORM)
+    features = (GOAL, SOCIAL_NORM) if with_norm else (GOAL,)
     file = model_of(shown, features, counted=name.startswith("irl"))
     strategy = load_strategy(name, shown.scenario, "optimal", file=file)
     learned: Row = dict(zip(file.feature_names, file.weights.tolist(), strict=True))
