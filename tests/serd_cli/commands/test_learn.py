@@ -94,7 +94,7 @@ def test_the_expert_s_weights_lie_within_their_standard_errors(by_default):
 def test_it_states_where_all_is_from_and_leaves_what_is_known_beside_the_model(by_default):
     values, folder = by_default
     assert (values["scenario"], values["flow"], values["n_episodes"]) == ("hallway", "scenario", 30)
-    assert (values["n_looping_cells"], values["n_reaching_cells"]) == (1, 176)
+    assert (values["n_looping_cells"], values["n_reaching_cells"]) == (0, 176)
     known = "posterior.csv", "durations.csv", "next_demonstration.csv", "next_demonstration.png"
     for name in known:
         assert (folder / f"model.{name}").stat().st_size > 100
@@ -107,7 +107,8 @@ def test_a_recorded_flow_is_learned_with_and_kept_in_the_model(serd, demonstrati
     by_recorded = serd(*words, "--flow", "recorded").values
     by_scenario = serd(*words, *QUICK, "--output", "other.yaml").values
     assert (by_recorded["flow"], by_scenario["flow"]) == ("recorded", "scenario")
-    assert abs(by_recorded["weight.social_norm"] - 1.0) < 0.5
+    error = by_recorded["standard_errors"][list(WEIGHTS).index("social_norm")]
+    assert abs(by_recorded["weight.social_norm"] - WEIGHTS["social_norm"]) < 2.0 * error < 1.5
     assert by_scenario["weight.social_norm"] < 0.5  # people walk against the direction of the plan
     model = load_model(by_recorded["model"])
     assert model.flow_on("model", GRID).tolist() == turned.tolist()
