@@ -29,6 +29,7 @@ from serd_bag.errors import BagError, DamagedBagError, FileError
 from serd_bag.formats.rosbag2.layout import is_bag_file
 from serd_bag.reader import BagReader
 from serd_bag.topic import topics_named
+from serd_files.trajectories.databases import is_wildtrack
 from serd_files.trajectories.read import Track, read_trajectories
 from serd_files.yaml_config import load_yaml_model
 
@@ -64,6 +65,8 @@ class Recording:
 def is_table(path: Path) -> bool:
     """Whether a path is a file other than a bag's; FileError for a folder of tables."""
     if path.is_dir():
+        if is_wildtrack(path):
+            return True
         files = sorted(path.iterdir())
         tables = [each for each in files if each.suffix.lower() in _SUFFIXES]
         if tables and not any(each.name == "metadata.yaml" or is_bag_file(each) for each in files):
