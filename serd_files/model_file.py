@@ -96,6 +96,17 @@ class FitRecord(StrictModel):
     n_evaluations: int
 
 
+class Check(StrictModel):
+    """Whether the data support a claim of the model; sentence: what was tested, with numbers.
+
+    key: of the question (`serd_app.learning.criticism`).
+    """
+
+    key: str
+    mark: Literal["holds", "fails", "unknown"]
+    sentence: str
+
+
 class ModelFile(StrictModel):
     """Everything the strategy needs from a fit, and a summary of the fit for people.
 
@@ -106,6 +117,7 @@ class ModelFile(StrictModel):
     discount: of a second. patience_s: after which a decision that led nowhere ended.
     pace: multiplier of dwell times in each cell, in the order of the states; none where places do
     not differ.
+    checks: of the claims of the model by its data, none where it was not tested.
     """
 
     remade_by: ClassVar[str] = "run 'serd demos' and then 'serd learn' again"
@@ -127,6 +139,7 @@ class ModelFile(StrictModel):
     pace: tuple[Positive, ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
+    checks: tuple[Check, ...] = ()
 
     @model_validator(mode="after")
     def _models_fit(self) -> "ModelFile":

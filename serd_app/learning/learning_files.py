@@ -79,6 +79,7 @@ def read_learning_files(
     kept = until_goal(decisions, goals)
     chosen, source = _flow(files_beside(table)["flow"], place, flow)
     problem = _problem(place, chosen, goals, discount)
+    made = _scenario_of(place, problem, kept)
     n_after_goal = len(decisions) - len(kept)
     left_out = (
         (n_after_goal, "after the goal"),
@@ -89,7 +90,8 @@ def read_learning_files(
             problem,
             known.name if known else "",
             own_flow=source != "scenario",
-            scenario_yaml=_scenario_yaml(place, problem, kept),
+            scenario_yaml=made[0],
+            timeout_s=made[1],
             left_out=", ".join(f"{count} {why}" for count, why in left_out if count),
         ),
         decisions=kept,
@@ -135,10 +137,13 @@ def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
     return tuple((float(x), float(y)) for x, y in grid.centers_m[states])
 
 
-def _scenario_yaml(place: Place, problem: NavigationProblem, decisions: Decisions) -> str:
-    """What is kept beside the model: an own scenario, or one of the cells of a fitted grid."""
+def _scenario_of(
+    place: Place, problem: NavigationProblem, decisions: Decisions
+) -> tuple[str, float]:
+    """What is kept beside the model, an own scenario or one of the cells of a fitted grid, and the
+    time-out of a drive in it."""
     if place.scenario is not None:
-        return own_scenario_yaml(place.scenario)
+        return own_scenario_yaml(place.scenario), place.scenario.episode_timeout_s
     begins = np.unique(decisions.episode, return_index=True)[1]
     found = grid_scenario(
         problem.grid,
@@ -148,7 +153,7 @@ def _scenario_yaml(place: Place, problem: NavigationProblem, decisions: Decision
         place.wait_s,
         name="fitted grid",
     )
-    return found[0] if found else ""
+    return (found[0], found[1].episode_timeout_s) if found else ("", LearningTask.timeout_s)
 
 
 def _flow(table: Path, place: Place, wanted: FlowSource) -> tuple[IntArray, str]:

@@ -7,11 +7,14 @@ times also differ by place is decided by episodes that were left out.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from scipy.special import logsumexp
 
 from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
+from serd_app.learning.criticism import Criticised, criticise
 from serd_app.learning.knowledge import knowledge_of, posterior_of
 from serd_app.learning.methods import ProgressCallback, fit_by, fit_data, ignore_progress
 from serd_app.learning.outcome import FitOutcome, learned_traps
@@ -25,9 +28,12 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import LearnedDynamics, model_of_fit
+from serd_sim.drivers.strategy import MOST_DRAWS, Plan
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
@@ -39,6 +45,7 @@ class LearningTask:
     problem: its decisions take time. own_flow: whether the flow of people is another than the
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
+    timeout_s: of the drives that are predicted.
     """
 
     problem: NavigationProblem
@@ -46,6 +53,7 @@ class LearningTask:
     own_flow: bool = False
     scenario_yaml: str = ""
     left_out: str = ""
+    timeout_s: float = 120.0
 
 
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
@@ -57,6 +65,7 @@ def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> Learni
         scenario=scenario.name,
         own_flow=flow is not None,
         scenario_yaml=own_scenario_yaml(scenario),
+        timeout_s=scenario.episode_timeout_s,
     )
 
 
@@ -82,19 +91,31 @@ def learn(
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
+    traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
+    model = model_of_fit(
+        fit,
+        task.problem,
+        scenario=task.scenario,
+        method=settings.method,
+        prior=found.prior,
+        n_episodes=len(decisions.episodes),
+        dynamics=dynamics,
+        own_flow=task.own_flow,
+    )
+    tested = Criticised(
+        plan_of(paced, fit, driven, task.timeout_s),
+        decisions,
+        with_moves_as_actions(task.problem.grid, decisions),
+        partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
+        traps,
+        settings.held_out_groups,
+    )
     return FitOutcome(
         fit,
-        model_of_fit(
-            fit,
-            task.problem,
-            scenario=task.scenario,
-            method=settings.method,
-            prior=found.prior,
-            n_episodes=len(decisions.episodes),
-            dynamics=dynamics,
-            own_flow=task.own_flow,
+        model.model_copy(
+            update={"checks": criticise(tested, np.random.default_rng(settings.seed))}
         ),
-        learned_traps(paced, decisions, found.fit.reward_weights, driven),
+        traps,
         problem,
         decisions,
         found.prior_weight,
@@ -103,6 +124,51 @@ def learn(
         task.scenario_yaml,
         durations=durations,
     )
+
+
+def plan_of(
+    problem: NavigationProblem, fit: FitResult, dynamics: FloatArray, timeout_s: float
+) -> Plan:
+    """What a robot drives by a fit; problem: its decisions take time; dynamics: (n, N) draws."""
+    tables = require_timed(problem.mdp.transitions).local_probabilities(dynamics)
+    learned = optimal_policy(problem, fit.reward_weights, tables.mean(axis=0))
+    return Plan(problem=problem, learned=learned, draws=dynamics, timeout_s=timeout_s)
+
+
+def _without_choice(settings: LearningSettings, prior_weight: float | None) -> LearningSettings:
+    """The settings with the weight that all drives chose."""
+    weights = settings.prior_weights if prior_weight is None else (prior_weight,)
+    return settings.model_copy(update={"prior_weights": weights})
+
+
+def held_out_likelihood(
+    problem: NavigationProblem,
+    settings: LearningSettings,
+    training: TimedDecisions,
+    moves: TimedDecisions,
+) -> FloatArray:
+    """(N,) log-likelihood of moves under the model that other decisions give, averaged over its
+    posterior where it has one. problem: that of the method."""
+    rng = np.random.default_rng(settings.seed)
+    fit = fit_by(settings.method, fit_data(problem, training, settings, rng)).fit
+    posterior = posterior_of(problem, training, fit)
+    by_decisions = problem
+    if isinstance(problem.mdp.transitions, SemiMarkovModels):
+        by_decisions = problem.by_decisions
+    if posterior is None:
+        policy = fitted_policy(problem, fit)
+        return move_log_likelihood(by_decisions, moves, policy, fit.outcome_probabilities)
+    draws = laplace_draws(posterior, rng, 2 * MOST_DRAWS)
+    scores = []
+    for weights, believed, truth in zip(
+        draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
+    ):
+        policy = soft_policy(problem, weights, believed).probabilities
+        table = problem.outcome_models.local_probabilities(
+            truth[: problem.outcome_models.n_energies]
+        )
+        scores.append(move_log_likelihood(by_decisions, moves, policy, table))
+    return np.asarray(logsumexp(scores, axis=0) - np.log(len(scores)))
 
 
 def _problem_of(

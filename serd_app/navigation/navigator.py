@@ -100,7 +100,12 @@ def quantile_or_nan_s(law: ArrivalLaw, share: float) -> float:
 
 def plan_remarks(strategy: Strategy) -> list[str]:
     """What somebody who lets the strategy drive must know of its plan, one sentence each."""
-    found, used = [], strategy.problem.feature_names
+    used = strategy.problem.feature_names
+    found = [
+        f"the data do not support the model: {check.sentence}"
+        for check in strategy.file.checks
+        if check.mark == "fails" and not strategy.transferred
+    ]
     if unused := [name for name in strategy.file.feature_names if name not in used]:
         found.append(
             f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"

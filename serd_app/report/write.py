@@ -136,7 +136,11 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         *recorded,
         *_arrival_rows(summary),
         ("Trap states", str(summary["n_trap_states"])),
-        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary["plan_remarks"]),
+        *(
+            ("Plan", f"{remark[0].upper()}{remark[1:]}.")
+            for remark in summary["plan_remarks"]
+            if not remark.startswith("the data do not support")
+        ),
         (
             "Fit",
             f"{'converged' if summary['converged'] else 'did NOT converge'} "

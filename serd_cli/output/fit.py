@@ -58,6 +58,11 @@ def print_learned(learned: Learned) -> None:
         console.print(line, soft_wrap=True)
     style = "yellow" if outcome.traps.n_looping_cells else None
     console.print(outcome.traps.sentence(), style=style, soft_wrap=True)
+    console.print("Whether the data support it:", style="bold")
+    for check in outcome.model.checks:
+        style = "yellow" if check.mark == "fails" else None
+        line = f"  {check.mark} {in_words(check.key)}: {check.sentence}"
+        console.print(line, style=style, soft_wrap=True)
     console.print(outcome.summary(), soft_wrap=True)
     console.print(f"model: {learned.model.resolve()}", soft_wrap=True)
     if learned.page is not None:
@@ -90,6 +95,7 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         and [[finite(each) for each in row] for row in errors.outcome_probabilities],
         "identified_without_prior": None if found is None else found.identified,
         "open_directions": [] if found is None else [str(each) for each in found.null],
+        "checks": [each.model_dump() for each in outcome.model.checks],
         "knowledge": None if outcome.knowledge is None else asdict(outcome.knowledge),
         "scenario": files.task.scenario,
         "flow": files.flow_from,

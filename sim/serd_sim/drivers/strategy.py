@@ -39,23 +39,19 @@ MOST_DRAWS = 12
 _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
 
 
-@dataclass(frozen=True, eq=False)
-class Strategy:
-    """A solved model on the grid of a scenario.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """The way to go by a learned policy, and its arrival.
 
-    scenario: its goal area is the one planned for. problem: its decisions take time. learned: the
-    policy of the learned rewards and dynamics in all states. draws: (n, N) of the dynamics, over
-    which predictions are averaged; the learned ones alone without a posterior. transferred: whether
-    the model was learned on another grid.
+    problem: its decisions take time. learned: the policy of the learned rewards and dynamics in all
+    states. draws: (n, N) of the dynamics, over which predictions are averaged; the learned ones
+    alone without a posterior.
     """
 
-    scenario: Scenario
     problem: NavigationProblem
     learned: Policy
-    file: ModelFile
     draws: FloatArray
     timeout_s: float
-    transferred: bool = False
     _arrivals: dict[Policy, tuple[ArrivalByState, ...]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -69,7 +65,7 @@ class Strategy:
             self.learned,
             model.outcomes.local_probabilities(self.draws).mean(axis=0),
             np.mean([model.expected_seconds(each) for each in self.draws], axis=0),
-            lambda policy: ArrivalByState.average(self._arrival_of_draws(policy)),
+            lambda policy: ArrivalByState.average(self.arrival_of_draws(policy)),
             self.n_steps,
         )
 
@@ -100,7 +96,7 @@ class Strategy:
 
     def law_from(self, start_distribution: FloatArray) -> ArrivalLaw:
         """Time of arrival (s) of an episode from (S,) start probabilities, up to the time-out."""
-        each = self._arrival_of_draws(self.policy)
+        each = self.arrival_of_draws(self.policy)
         cdf = np.stack([arrival.cdf @ start_distribution for arrival in each])
         ever = [arrival.arrival_probability @ start_distribution for arrival in each]
         return ArrivalLaw(self._times_s, cdf.mean(axis=0), float(np.mean(ever)), cdf)
@@ -114,7 +110,8 @@ class Strategy:
     def _times_s(self) -> FloatArray:
         return np.asarray(STEP_S * np.arange(self.n_steps + 1), dtype=np.float64)
 
-    def _arrival_of_draws(self, policy: Policy) -> tuple[ArrivalByState, ...]:
+    def arrival_of_draws(self, policy: Policy) -> tuple[ArrivalByState, ...]:
+        """The arrival by a policy from every state, for each of the first draws."""
         if policy not in self._arrivals:
             self._arrivals[policy] = tuple(
                 timed_arrival(self.problem, policy.probabilities, each, STEP_S, self.n_steps)
@@ -130,6 +127,19 @@ class Strategy:
             if following in path:
                 return np.asarray(grid.centers_m[path], dtype=np.float64)
             path.append(following)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Strategy(Plan):
+    """A solved model on the grid of a scenario.
+
+    scenario: its goal area is the one planned for. transferred: whether the model was learned on
+    another grid.
+    """
+
+    scenario: Scenario
+    file: ModelFile
+    transferred: bool = False
 
 
 def load_strategy(
