@@ -107,6 +107,18 @@ class Check(StrictModel):
     sentence: str
 
 
+class FeatureRecord(StrictModel):
+    """A feature of the reward: why it takes no part, else from what its weight is known.
+
+    values: of an own feature in each cell, in the order of the states.
+    """
+
+    name: str
+    left_out: str = ""
+    known_from: Literal["", "data", "prior"] = ""
+    values: tuple[float, ...] = ()
+
+
 class ModelFile(StrictModel):
     """Everything the strategy needs from a fit, and a summary of the fit for people.
 
@@ -117,7 +129,8 @@ class ModelFile(StrictModel):
     discount: of a second. patience_s: after which a decision that led nowhere ended.
     pace: multiplier of dwell times in each cell, in the order of the states; none where places do
     not differ.
-    checks: of the claims of the model by its data, none where it was not tested.
+    checks: of the claims of the model by its data, none where it was not tested. features: what is
+    known of them, also of those that take no part.
     """
 
     remade_by: ClassVar[str] = "run 'serd demos' and then 'serd learn' again"
@@ -140,6 +153,7 @@ class ModelFile(StrictModel):
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
     checks: tuple[Check, ...] = ()
+    features: tuple[FeatureRecord, ...] = ()
 
     @model_validator(mode="after")
     def _models_fit(self) -> "ModelFile":
@@ -188,6 +202,11 @@ class ModelFile(StrictModel):
         drawn = tuple(tuple(row[column] for column in kept) for row in self.draws.reward_weights)
         draws = self.draws.model_copy(update={"reward_weights": drawn})
         return self.model_copy(update={"reward_weights": chosen, "draws": draws})
+
+    @property
+    def own_features(self) -> dict[str, FloatArray]:
+        """(S,) values of each own feature, in the states of its grid."""
+        return {each.name: np.array(each.values) for each in self.features if each.values}
 
     def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
         """(S,) its own flow on the grid it is for; None where that is the scenario's."""

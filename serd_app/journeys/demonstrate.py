@@ -167,7 +167,8 @@ def _place(
     drives = [drive for each in recordings for drive in each.drives]
     size_m = cell_size_m or fitting_cell_size_m(drives)
     grid = fitted_grid(recordings, size_m) if area_m is None else grid_of_area(area_m, size_m)
-    return Place(grid, fitting_patience_s(drives, size_m), USUAL_WAIT_S)
+    patience_s = fitting_patience_s(drives, size_m)
+    return Place(grid, patience_s, USUAL_WAIT_S, has_walls=area_m is not None)
 
 
 def _decided(recordings: Sequence[Recording], place: Place) -> list[RecordedDemonstrations]:

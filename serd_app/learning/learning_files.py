@@ -10,14 +10,16 @@ from scipy.ndimage import binary_dilation, label
 
 from serd_app.demonstrations.decision_table import Place, files_beside, load_flow, load_learnable
 from serd_app.errors import AppError
+from serd_app.learning.features import read_own_features, with_chosen_features
 from serd_app.learning.recipe import LearningTask
 from serd_app.learning.settings import FlowSource
 from serd_app.places.kept_scenario import own_scenario_yaml
-from serd_app.places.map_scenario import grid_scenario
+from serd_app.places.map_scenario import FITTED, grid_scenario
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import (
+    FEATURE_NAMES,
     NO_FLOW,
     NavigationProblem,
     build_navigation_problem,
@@ -65,11 +67,13 @@ def read_learning_files(
     scenario: str = "",
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
+    features: Path | None = None,
 ) -> LearningFiles:
     """Everything learning needs; FileError and AppError where the files contradict each other.
 
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
-    scenario's goal area, or without a scenario where most of the episodes end.
+    scenario's goal area, or without a scenario where most of the episodes end. features: file of
+    own features.
     """
     all_decisions, place = load_learnable(table, scenario)
     grid, known = place.grid, place.scenario
@@ -78,7 +82,12 @@ def read_learning_files(
     others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
     kept = until_goal(decisions, goals)
     chosen, source = _flow(files_beside(table)["flow"], place, flow)
-    problem = _problem(place, chosen, goals, discount)
+    own = {} if features is None else read_own_features(features, grid, FEATURE_NAMES)
+    problem, unused = with_chosen_features(
+        _problem(place, chosen, goals, discount),
+        own,
+        walls_seen=known is not None or place.has_walls,
+    )
     made = _scenario_of(place, problem, kept)
     n_after_goal = len(decisions) - len(kept)
     left_out = (
@@ -90,6 +99,8 @@ def read_learning_files(
             problem,
             known.name if known else "",
             own_flow=source != "scenario",
+            unused_features=unused,
+            own_features={n: each for n, each in own.items() if n in problem.feature_names},
             scenario_yaml=made[0],
             timeout_s=made[1],
             left_out=", ".join(f"{count} {why}" for count, why in left_out if count),
@@ -151,7 +162,7 @@ def _scenario_of(
         decisions.state[begins],
         place.patience_s,
         place.wait_s,
-        name="fitted grid",
+        name="stated area" if place.has_walls else FITTED,
     )
     return (found[0], found[1].episode_timeout_s) if found else ("", LearningTask.timeout_s)
 

@@ -6,7 +6,8 @@ thesis does, and where actions are hidden all methods do; then the laws are coun
 times also differ by place is decided by episodes that were left out.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -22,17 +23,19 @@ from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import PosteriorDraws, laplace_draws
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws
+from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.posterior.coordinates import feature_ranges
 from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
-from serd_files.model_file import LearnedDynamics, model_of_fit
+from serd_files.model_file import FeatureRecord, LearnedDynamics, model_of_fit
 from serd_sim.drivers.strategy import MOST_DRAWS, Plan
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
@@ -45,7 +48,8 @@ class LearningTask:
     problem: its decisions take time. own_flow: whether the flow of people is another than the
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
-    timeout_s: of the drives that are predicted.
+    timeout_s: of the drives that are predicted. unused_features: why features take no part, by
+    name; own_features: (S,) of each that the place does not have itself.
     """
 
     problem: NavigationProblem
@@ -54,6 +58,8 @@ class LearningTask:
     scenario_yaml: str = ""
     left_out: str = ""
     timeout_s: float = 120.0
+    unused_features: Mapping[str, str] = field(default_factory=dict)
+    own_features: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
@@ -110,11 +116,13 @@ def learn(
         traps,
         settings.held_out_groups,
     )
+    known = {
+        "checks": criticise(tested, np.random.default_rng(settings.seed)),
+        "features": features_of(task, found.fit, posterior, draws, settings),
+    }
     return FitOutcome(
         fit,
-        model.model_copy(
-            update={"checks": criticise(tested, np.random.default_rng(settings.seed))}
-        ),
+        model.model_copy(update=known),
         traps,
         problem,
         decisions,
@@ -124,6 +132,34 @@ def learn(
         task.scenario_yaml,
         durations=durations,
     )
+
+
+def features_of(
+    task: LearningTask,
+    fit: FitResult,
+    posterior: Laplace | None,
+    draws: PosteriorDraws | None,
+    settings: LearningSettings,
+) -> tuple[FeatureRecord, ...]:
+    """What is known of each feature: from data where its variance is below half of the prior's."""
+    known_from = [""] * len(fit.feature_names)
+    if posterior is not None and draws is not None:
+        width = feature_ranges(task.problem)
+        deviation = settings.reward_deviation * np.ones(len(width))
+        if fit.assumptions is not None:
+            strengths = strengths_of(fit.assumptions.prior, task.problem)
+            deviation = strengths.get("deviation", np.inf) / np.maximum(width, 1e-9)
+        shrunk = draws.reward.var(axis=0) < 0.5 * deviation**2
+        known_from = ["data" if each else "prior" for each in shrunk]
+    named = zip(fit.feature_names, known_from, strict=True)
+    taken = (
+        FeatureRecord.model_validate(
+            {"name": n, "known_from": k, "values": tuple(task.own_features.get(n, ()))}
+        )
+        for n, k in named
+    )
+    unused = (FeatureRecord(name=n, left_out=why) for n, why in task.unused_features.items())
+    return (*taken, *unused)
 
 
 def plan_of(

@@ -108,8 +108,8 @@ def plan_remarks(strategy: Strategy) -> list[str]:
     ]
     if unused := [name for name in strategy.file.feature_names if name not in used]:
         found.append(
-            f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"
-            " here, or was where it was learned"
+            f"the model's weight of {', '.join(unused)} is not used, as what it weighs is not known"
+            " here, or was not where it was learned"
         )
     if strategy.by_time.any():
         learned = strategy.driven.learned_traps

@@ -42,6 +42,9 @@ Goals = Annotated[
     list[str] | None,
     opt("x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"),
 ]
+Features = Annotated[
+    Path | None, opt("YAML file of own features: a polygon, a point or a raster each")
+]
 Page = Annotated[Path | None, opt("folder for an HTML page as of 'serd report'")]
 
 
@@ -56,6 +59,7 @@ def learn(
     scenario: OtherScenario = "",
     flow: Flow = "auto",
     goal: Goals = None,
+    features: Features = None,
     report: Page = None,
     as_json: AsJson = False,
     **options: Any,
@@ -82,6 +86,7 @@ def learn(
             scenario=scenario,
             flow=flow,
             goals_m=tuple(point_of(each) for each in goal or ()),
+            features=features,
             report=report,
             on_progress=show,
         )

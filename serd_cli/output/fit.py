@@ -39,11 +39,18 @@ def print_learned(learned: Learned) -> None:
     if learned.missing:
         progress_console.print(learned.missing, soft_wrap=True)
     console.print(_learned_from(files, outcome.decisions), soft_wrap=True)
-    table = table_of("Reward weights", "feature", ("weight", "standard error"))
+    columns = ("weight", "standard error", "known from")
+    table = table_of("Reward weights", "feature", columns)
+    sources = {each.name: each.known_from for each in outcome.model.features}
     for row, name in enumerate(outcome.fit.feature_names):
         error = math.nan if certainty.errors is None else float(certainty.errors.reward[row])
-        table.add_row(in_words(name), f"{outcome.fit.reward_weights[row]:+.2f}", _number(error))
+        weight = f"{outcome.fit.reward_weights[row]:+.2f}"
+        table.add_row(in_words(name), weight, _number(error), sources.get(name, "") or "–")
     console.print(table)
+    for feature in outcome.model.features:
+        if feature.left_out:
+            name = in_words(feature.name)
+            console.print(f"left out: {name}, as {feature.left_out}", soft_wrap=True)
     console.print(_outcomes_table(outcome, certainty))
     if files.elsewhere_m:
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)

@@ -196,9 +196,11 @@ def problem_of_model(
     """
     own_flow = None if transferred else file.flow_on(path, grid)
     flow = flow_of(scenario, grid) if own_flow is None else own_flow
-    known = model_in_flow(file, flow)
+    known, own = model_in_flow(file, flow), file.own_features
+    if transferred and own:
+        known, own = known.with_features([n for n in known.feature_names if n not in own]), {}
     try:
-        problem = navigation_problem_of(scenario, file.discount, known.feature_names, flow)
+        problem = navigation_problem_of(scenario, file.discount, known.feature_names, flow, own)
         pace = np.log(file.pace) if file.pace and not transferred else None
         timed = with_dwell_times(
             problem, patience_s=scenario.patience_s, wait_s=scenario.wait_s, log_pace=pace
