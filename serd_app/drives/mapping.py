@@ -198,7 +198,7 @@ def unmarked_spans(
     for number, piece in enumerate(pieces):
         outcome = _OUTCOMES.get(piece.ended_by, ARRIVED)
         edges_s = float(piece.time_s[0]), float(piece.time_s[-1])
-        spans.append(EpisodeSpan(number, *edges_s, outcome))
+        spans.append(EpisodeSpan(number, *edges_s, outcome, piece.ended_by))
     cuts = Counter(piece.ended_by for piece in pieces if piece.ended_by not in ("", RETURN))
     return tuple(spans), cuts
 
