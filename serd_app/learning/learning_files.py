@@ -33,7 +33,8 @@ _Table = TypeVar("_Table", bound=Decisions)
 
 @dataclass(frozen=True, eq=False)
 class LearningFiles:
-    """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
+    """task: where it was; flow_from: scenario, recorded or none; n_read: decisions of the
+    table; n_after_goal: decisions left out;
     n_elsewhere: those of episodes that end in other places than the goal, also left out;
     elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
@@ -44,6 +45,7 @@ class LearningFiles:
     decisions: TimedDecisions
     flow_from: str
     goals_m: tuple[tuple[float, float], ...]
+    n_read: int
     n_after_goal: int
     n_elsewhere: int
     elsewhere_m: tuple[tuple[float, float], ...]
@@ -99,6 +101,7 @@ def read_learning_files(
             problem,
             known.name if known else "",
             own_flow=source != "scenario",
+            other_goals=_other_goals(all_decisions, grid, goals),
             unused_features=unused,
             own_features={n: each for n, each in own.items() if n in problem.feature_names},
             scenario_yaml=made[0],
@@ -108,6 +111,7 @@ def read_learning_files(
         decisions=kept,
         flow_from=source,
         goals_m=_centres_m(grid, goals),
+        n_read=len(all_decisions),
         n_after_goal=n_after_goal,
         n_elsewhere=len(elsewhere),
         elsewhere_m=_centres_m(grid, others),
@@ -132,6 +136,19 @@ def _goals(
         return goal_states_of(place.scenario, grid), decisions
     goals = usual_goal_states(decisions, grid)
     return goals, ending_in(decisions, goals)
+
+
+def _other_goals(
+    decisions: TimedDecisions, grid: Grid, goals: IntArray
+) -> tuple[tuple[int, tuple[float, float]], ...]:
+    """How many decisions each other end of drives would leave as `--goal`, and its place."""
+    ends = np.unique(list(_ends(decisions).values()))
+    states = [
+        int(group[0]) for group in _neighbouring(ends, grid) if not np.isin(group, goals).any()
+    ]
+    counts = (len(until_goal(decisions, np.array([state]))) for state in states)
+    places = _centres_m(grid, np.array(states, dtype=np.int64))
+    return tuple(zip(counts, places, strict=True))
 
 
 def _problem(place: Place, flow: IntArray, goals: IntArray, discount: float) -> NavigationProblem:

@@ -23,7 +23,7 @@ from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, posterior_policy
 from serd_core.bayes.strengths import strengths_of
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
@@ -48,6 +48,7 @@ class LearningTask:
     problem: its decisions take time. own_flow: whether the flow of people is another than the
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
+    other_goals: how many decisions other goals would leave, and their places.
     timeout_s: of the drives that are predicted. unused_features: why features take no part, by
     name; own_features: (S,) of each that the place does not have itself.
     """
@@ -57,6 +58,7 @@ class LearningTask:
     own_flow: bool = False
     scenario_yaml: str = ""
     left_out: str = ""
+    other_goals: tuple[tuple[int, tuple[float, float]], ...] = ()
     timeout_s: float = 120.0
     unused_features: Mapping[str, str] = field(default_factory=dict)
     own_features: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -86,7 +88,7 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(decisions, settings, task.left_out)
+    require_enough(decisions, settings, task)
     rng = np.random.default_rng(settings.seed)
     problem = _problem_of(task.problem, settings.method, decisions)
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
@@ -113,6 +115,7 @@ def learn(
         decisions,
         with_moves_as_actions(task.problem.grid, decisions),
         partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
+        demonstrator_of(problem, found.fit, draws),
         traps,
         settings.held_out_groups,
     )
@@ -171,6 +174,15 @@ def plan_of(
     return Plan(problem=problem, learned=learned, draws=dynamics, timeout_s=timeout_s)
 
 
+def demonstrator_of(
+    problem: NavigationProblem, fit: FitResult, draws: PosteriorDraws | None
+) -> FloatArray:
+    """(S, A) soft policy of who drove, averaged over the posterior where the fit has one."""
+    if draws is None:
+        return fitted_policy(problem, fit)
+    return posterior_policy(problem, draws.select(slice(MOST_DRAWS)))
+
+
 def _without_choice(settings: LearningSettings, prior_weight: float | None) -> LearningSettings:
     """The settings with the weight that all drives chose."""
     weights = settings.prior_weights if prior_weight is None else (prior_weight,)
@@ -216,17 +228,24 @@ def _problem_of(
     return timed if method == "mdce_serd_evidence" else timed.by_decisions
 
 
-def require_enough(decisions: Decisions, settings: LearningSettings, left_out: str = "") -> None:
-    """AppError where there are too few decisions to learn from; left_out: see `LearningTask`."""
-    n_decisions = len(decisions)
-    if n_decisions < settings.minimum_decisions:
-        besides, fix = f" besides {left_out}", "demonstrate more or name another --goal"
-        if not left_out:
-            besides, fix = "", "demonstrate more"
-        raise AppError(
-            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to"
-            f" learn, got {n_decisions}{besides}; {fix}"
-        )
+def require_enough(
+    decisions: Decisions, settings: LearningSettings, task: LearningTask | None = None
+) -> None:
+    """AppError where there are too few decisions to learn from, with another goal if one helps."""
+    n_decisions, needed = len(decisions), settings.minimum_decisions
+    if n_decisions >= needed:
+        return
+    besides, fix = "", "demonstrate more"
+    if task is not None and task.left_out:
+        besides = f" besides {task.left_out}"
+        fix = "no other --goal leaves as many: demonstrate more"
+        count, (x_m, y_m) = max(task.other_goals, default=(0, (0.0, 0.0)))
+        if count >= needed:
+            fix = f"demonstrate more, or name --goal {x_m:g},{y_m:g}, which leaves {count}"
+    raise AppError(
+        f"at least minimum_decisions = {needed} decisions are needed to learn, got"
+        f" {n_decisions}{besides}; {fix}"
+    )
 
 
 def with_still_waits(fit: FitResult) -> FitResult:

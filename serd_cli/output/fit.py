@@ -78,11 +78,13 @@ def print_learned(learned: Learned) -> None:
 
 def _learned_from(files: LearningFiles, decisions: TimedDecisions) -> str:
     left_out = f", {files.task.left_out} left out" if files.task.left_out else ""
+    share = len(decisions) / max(files.n_read, 1)
+    used = f" ({share:.0%} of {files.n_read} that were read)" if share < 1 else ""
     across = ", so every move is across it" if files.flow_from == "none" else ""
     place = f"scenario {files.task.scenario}" if files.task.scenario else "fitted grid"
     return (
         f"{counted(len(decisions), 'decision')} in {counted(len(decisions.episodes), 'episode')}"
-        f"{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
+        f"{used}{left_out}; {place}, flow of people: {files.flow_from}{across}, goal:"
         f" {'; '.join(f'{x:g},{y:g}' for x, y in files.goals_m)}"
     )
 
@@ -107,6 +109,7 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "scenario": files.task.scenario,
         "flow": files.flow_from,
         "goals_m": files.goals_m,
+        "n_read": files.n_read,
         "n_after_goal": files.n_after_goal,
         "n_elsewhere": files.n_elsewhere,
         "elsewhere_m": files.elsewhere_m,

@@ -10,7 +10,7 @@ from serd_app.learning.criticism import Criticised, counted_dynamics, criticise,
 from serd_app.learning.outcome import learned_traps
 from serd_app.learning.recipe import learn, plan_of
 from serd_app.learning.settings import LearningSettings
-from serd_core.policies.solved_policy import optimal_policy
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_core.semi_markov.models import require_timed
 from serd_sim.drivers.strategy import Plan
 from tests.serd_app.learning.test_durations import (
@@ -32,8 +32,11 @@ def criticised(draws, decisions=DRIVES, weights=WEIGHTS, **changes):
     tables = require_timed(PROBLEM.mdp.transitions).local_probabilities(draws)
     learned = optimal_policy(PROBLEM, weights, tables.mean(axis=0))
     plan = Plan(problem=PROBLEM, learned=learned, draws=draws, timeout_s=120.0)
+    expert = soft_policy(PROBLEM, weights, tables.mean(axis=0)).probabilities
     traps = learned_traps(PROBLEM, decisions, weights, draws)
-    found = Criticised(plan, decisions, decisions, lambda *_: np.zeros(0), traps, n_groups=0)
+    found = Criticised(
+        plan, decisions, decisions, lambda *_: np.zeros(0), expert, traps, n_groups=0
+    )
     return replace(found, **changes)
 
 
