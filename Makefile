@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Tests that `make site` runs.
 BY_SITE := tests/tools/test_notebooks.py tests/tools/test_site.py
 
-.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports budget bench pictures reference site dist clean
+.PHONY: help setup build interfaces ubuntu demo test fuzz truth coverage check format lint types imports budget bench pictures reference site dist clean
 
 help:
 	@echo "make setup     set up .venv with what the product needs"
@@ -24,6 +24,7 @@ help:
 	@echo "make interfaces  build nav2_msgs, which has no wheel, for tests and for Nav2 (needs g++)"
 	@echo "make ubuntu    tests of mathematics and strategy with NumPy and SciPy of Ubuntu 24.04"
 	@echo "make fuzz      mutated messages, files and arguments, 10,000 per target   (FUZZ_CASES=1000)"
+	@echo "make truth     recordings of a foreign robot: each headline, its checks, and drives by what was learned"
 	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, budget of lines, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
@@ -60,6 +61,9 @@ test: build
 
 fuzz: build
 	@SERD_FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 -s -v tests/fuzz $(ARGS)
+
+truth: $(VENV)/.all
+	@$(BIN)/python -m lab truth $(ARGS)
 
 coverage: build
 	@$(BIN)/python -m pytest -n 3 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)

@@ -23,6 +23,7 @@ STUDIES = {
 #: Functions of these names in a module of the same name in `lab.command`.
 VALIDATIONS = {
     "faults": "how soon the robot stands when an input fails, with and without the guard",
+    "truth": "whether headlines are true: recordings of a foreign robot, and simulated worlds",
     "crowd": "the crowd models beside Weidmann's speeds and recorded corridors",
 }
 
