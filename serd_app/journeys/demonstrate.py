@@ -140,10 +140,8 @@ def demonstrate(
     area_m = read_area_m(choice.area) if choice.area else None
     known = read_mapping(mapping, paths)
     goal_area_m = scenario.goal_area_m if scenario else ()
-    recordings = [
-        _read(path, mapping=known, tolerant=tolerant, hidden=hidden, goal_area_m=goal_area_m)
-        for path in paths
-    ]
+    options = {"mapping": known, "tolerant": tolerant, "hidden": hidden, "goal_area_m": goal_area_m}
+    recordings = [_read(path, **options) for path in paths]
     if choice == PlaceChoice() and known is None:
         _require_no_own(recordings)
     place = _place(recordings, scenario, choice.cell_size_m, area_m)

@@ -1,6 +1,6 @@
 """Learning from files: a table of decisions and what `serd demos` wrote beside it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -15,7 +15,7 @@ from serd_app.learning.recipe import LearningTask
 from serd_app.learning.settings import FlowSource
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_app.places.map_scenario import FITTED, grid_scenario
-from serd_core.arrays import IntArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import (
@@ -33,10 +33,9 @@ _Table = TypeVar("_Table", bound=Decisions)
 
 @dataclass(frozen=True, eq=False)
 class LearningFiles:
-    """task: where it was; flow_from: scenario, recorded or none; n_read: decisions of the
-    table; n_after_goal: decisions left out;
-    n_elsewhere: those of episodes that end in other places than the goal, also left out;
-    elsewhere_m: centres of these places.
+    """task: where it was; flow_from: scenario, recorded or none; n_read: decisions of the table;
+    n_after_goal: decisions left out; n_elsewhere: those of episodes that end in other places than
+    the goal, also left out; elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted.
     """
@@ -85,17 +84,9 @@ def read_learning_files(
     kept = until_goal(decisions, goals)
     chosen, source = _flow(files_beside(table)["flow"], place, flow)
     own = {} if features is None else read_own_features(features, grid, FEATURE_NAMES)
-    problem, unused = with_chosen_features(
-        _problem(place, chosen, goals, discount),
-        own,
-        walls_seen=known is not None or place.has_walls,
-    )
+    problem, unused = _problem(place, chosen, goals, discount, own)
     made = _scenario_of(place, problem, kept)
     n_after_goal = len(decisions) - len(kept)
-    left_out = (
-        (n_after_goal, "after the goal"),
-        (len(elsewhere), "of episodes that end elsewhere"),
-    )
     return LearningFiles(
         task=LearningTask(
             problem,
@@ -106,7 +97,7 @@ def read_learning_files(
             own_features={n: each for n, each in own.items() if n in problem.feature_names},
             scenario_yaml=made[0],
             timeout_s=made[1],
-            left_out=", ".join(f"{count} {why}" for count, why in left_out if count),
+            left_out=_left_out(n_after_goal, len(elsewhere)),
         ),
         decisions=kept,
         flow_from=source,
@@ -138,6 +129,11 @@ def _goals(
     return goals, ending_in(decisions, goals)
 
 
+def _left_out(n_after_goal: int, n_elsewhere: int) -> str:
+    whys = (n_after_goal, "after the goal"), (n_elsewhere, "of episodes that end elsewhere")
+    return ", ".join(f"{count} {why}" for count, why in whys if count)
+
+
 def _other_goals(
     decisions: TimedDecisions, grid: Grid, goals: IntArray
 ) -> tuple[tuple[int, tuple[float, float]], ...]:
@@ -151,14 +147,17 @@ def _other_goals(
     return tuple(zip(counts, places, strict=True))
 
 
-def _problem(place: Place, flow: IntArray, goals: IntArray, discount: float) -> NavigationProblem:
-    """What is learned on, whose decisions take time; flow: (S,)."""
+def _problem(
+    place: Place, flow: IntArray, goals: IntArray, discount: float, own: Mapping[str, FloatArray]
+) -> tuple[NavigationProblem, dict[str, str]]:
+    """What is learned on, whose decisions take time, and why features take no part; flow: (S,)."""
     grid, scenario = place.grid, place.scenario
     distance_m = wall_distance_of(scenario, grid) if scenario else grid_wall_distance_m(grid)
     by_decisions = build_navigation_problem(
         grid=grid, flow=flow, goal_states=goals, wall_distance_m=distance_m, discount=discount
     )
-    return with_dwell_times(by_decisions, patience_s=place.patience_s, wait_s=place.wait_s)
+    timed = with_dwell_times(by_decisions, patience_s=place.patience_s, wait_s=place.wait_s)
+    return with_chosen_features(timed, own, walls_seen=scenario is not None or place.has_walls)
 
 
 def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:

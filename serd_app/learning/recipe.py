@@ -17,8 +17,14 @@ from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.criticism import Criticised, criticise
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import ProgressCallback, fit_by, fit_data, ignore_progress
-from serd_app.learning.outcome import FitOutcome, learned_traps
+from serd_app.learning.methods import (
+    MethodResult,
+    ProgressCallback,
+    fit_by,
+    fit_data,
+    ignore_progress,
+)
+from serd_app.learning.outcome import FitOutcome, LearnedTraps, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
@@ -35,7 +41,7 @@ from serd_core.posterior.coordinates import feature_ranges
 from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
-from serd_files.model_file import FeatureRecord, LearnedDynamics, model_of_fit
+from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
 from serd_sim.drivers.strategy import MOST_DRAWS, Plan
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
@@ -100,27 +106,14 @@ def learn(
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
     traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
+    named = {"scenario": task.scenario, "method": settings.method, "prior": found.prior}
+    n_episodes = len(decisions.episodes)
     model = model_of_fit(
-        fit,
-        task.problem,
-        scenario=task.scenario,
-        method=settings.method,
-        prior=found.prior,
-        n_episodes=len(decisions.episodes),
-        dynamics=dynamics,
-        own_flow=task.own_flow,
+        fit, task.problem, n_episodes=n_episodes, dynamics=dynamics, own_flow=task.own_flow, **named
     )
-    tested = Criticised(
-        plan_of(paced, fit, driven, task.timeout_s),
-        decisions,
-        with_moves_as_actions(task.problem.grid, decisions),
-        partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
-        demonstrator_of(problem, found.fit, draws),
-        traps,
-        settings.held_out_groups,
-    )
+    plan = plan_of(paced, fit, driven, task.timeout_s)
     known = {
-        "checks": criticise(tested, np.random.default_rng(settings.seed)),
+        "checks": _checks(task, decisions, settings, (problem, found, draws), plan, traps),
         "features": features_of(task, found.fit, posterior, draws, settings),
     }
     return FitOutcome(
@@ -135,6 +128,28 @@ def learn(
         task.scenario_yaml,
         durations=durations,
     )
+
+
+def _checks(
+    task: LearningTask,
+    decisions: TimedDecisions,
+    settings: LearningSettings,
+    fitted: tuple[NavigationProblem, MethodResult, PosteriorDraws | None],
+    plan: Plan,
+    traps: LearnedTraps,
+) -> tuple[Check, ...]:
+    """Whether the data support the plan; fitted: the problem of the method, and what it found."""
+    problem, found, draws = fitted
+    tested = Criticised(
+        plan,
+        decisions,
+        with_moves_as_actions(task.problem.grid, decisions),
+        partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
+        demonstrator_of(problem, found.fit, draws),
+        traps,
+        settings.held_out_groups,
+    )
+    return criticise(tested, np.random.default_rng(settings.seed))
 
 
 def features_of(
@@ -238,7 +253,7 @@ def require_enough(
     besides, fix = "", "demonstrate more"
     if task is not None and task.left_out:
         besides = f" besides {task.left_out}"
-        fix = "no other --goal leaves as many: demonstrate more"
+        fix = "demonstrate more, as no other --goal leaves as many"
         count, (x_m, y_m) = max(task.other_goals, default=(0, (0.0, 0.0)))
         if count >= needed:
             fix = f"demonstrate more, or name --goal {x_m:g},{y_m:g}, which leaves {count}"

@@ -47,10 +47,9 @@ def print_learned(learned: Learned) -> None:
         weight = f"{outcome.fit.reward_weights[row]:+.2f}"
         table.add_row(in_words(name), weight, _number(error), sources.get(name, "") or "–")
     console.print(table)
-    for feature in outcome.model.features:
-        if feature.left_out:
-            name = in_words(feature.name)
-            console.print(f"left out: {name}, as {feature.left_out}", soft_wrap=True)
+    for feature in filter(lambda each: each.left_out, outcome.model.features):
+        line = f"left out: {in_words(feature.name)}, as {feature.left_out}"
+        console.print(line, soft_wrap=True)
     console.print(_outcomes_table(outcome, certainty))
     if files.elsewhere_m:
         goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
@@ -68,8 +67,8 @@ def print_learned(learned: Learned) -> None:
     console.print("Whether the data support it:", style="bold")
     for check in outcome.model.checks:
         style = "yellow" if check.mark == "fails" else None
-        line = f"  {check.mark} {in_words(check.key)}: {check.sentence}"
-        console.print(line, style=style, soft_wrap=True)
+        text = f"  {check.mark} {in_words(check.key)}: {check.sentence}"
+        console.print(text, style=style, soft_wrap=True)
     console.print(outcome.summary(), soft_wrap=True)
     console.print(f"model: {learned.model.resolve()}", soft_wrap=True)
     if learned.page is not None:
