@@ -95,11 +95,16 @@ def drawn_truth(
 
 
 def demonstrated(
-    family: Family, weights: FloatArray, truth: FloatArray, rng: np.random.Generator
+    family: Family,
+    weights: FloatArray,
+    truth: FloatArray,
+    rng: np.random.Generator,
+    belief: FloatArray | None = None,
 ) -> Decisions:
-    """Decisions of a soft expert, in episodes that start anywhere."""
+    """Decisions of a soft expert who believes in the truth, or else, in episodes from anywhere."""
     model, mdp = family.problem.mdp.transitions, family.problem.mdp
-    policy = soft_policy(family.problem, weights, model.local_probabilities(truth)).probabilities
+    believed = model.local_probabilities(truth if belief is None else belief)
+    policy = soft_policy(family.problem, weights, believed).probabilities
     starts = np.where(mdp.final, 0.0, 1.0)
     starts /= starts.sum()
     n, length = family.n_episodes, family.n_steps

@@ -59,7 +59,8 @@ class OutcomeInformation:
     n_decisions: how many were observed; from_transitions, from_choices: information gained.
     shared: with all reward weights; partner: the feature whose weight shares most.
     lower, median, upper: (M, K), of the central intervals that hold `mass` of the posterior; NaN
-    where the chains did not mix.
+    where the chains did not mix. weights: (3, F) the same of reward weights.
+    from_choices_of_weights: (F,) information about each weight, a normal divergence from its prior.
     draws: of the posterior, from which these are.
     """
 
@@ -72,11 +73,17 @@ class OutcomeInformation:
     median: FloatArray
     upper: FloatArray
     mass: float
+    weights: FloatArray
+    from_choices_of_weights: FloatArray
     draws: PosteriorDraws
 
     def source(self, model: int) -> str:
         """Where what is known of an outcome model comes from."""
         return named_source(counts=self.from_transitions[model], choices=self.from_choices[model])
+
+    def source_of_weight(self, feature: int) -> str:
+        """Where what is known of a reward weight comes from."""
+        return named_source(choices=self.from_choices_of_weights[feature])
 
 
 def named_source(**nats: float) -> str:
@@ -129,8 +136,22 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         median=limits[1],
         upper=limits[2],
         mass=mass,
+        weights=draws.interval(draws.reward, mass),
+        from_choices_of_weights=_of_weights(found, draws),
         draws=draws,
     )
+
+
+def _of_weights(found: Laplace, draws: PosteriorDraws) -> FloatArray:
+    """(F,) KLD of the posterior of each weight from its prior, both taken as normal."""
+    at = found.coordinates.parameters(found.mode)
+    bend = found.posterior.prior.hessian(found.problem.mdp.transitions, at)
+    own = at.place(Block.REWARD)
+    precision = -np.diag(bend)[own]
+    mean, variance = draws.reward.mean(axis=0), draws.reward.var(axis=0, ddof=1)
+    ratio = precision * variance
+    nats = 0.5 * (ratio - 1.0 + precision * mean**2 - np.log(ratio))
+    return np.asarray(np.maximum(nats, 0.0))
 
 
 def learned_outcomes(found: Laplace) -> tuple[OutcomeModels, tuple[Block, ...]]:
