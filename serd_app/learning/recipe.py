@@ -22,14 +22,19 @@ from serd_core.arrays import FloatArray
 from serd_core.bayes.laplace import PosteriorDraws, laplace_draws
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
+from serd_core.selection.joint_dynamics import JointDynamics, judge_joint_dynamics
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import LearnedDynamics, model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
+
+#: What a point estimate has where the evidence of joint dynamics does not lead.
+COUNTED = "under counted dynamics"
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,11 @@ def learn(
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
     posterior = posterior_of(problem, decisions, found.fit)
+    judged = judged_of(problem, decisions, found.fit, rng.spawn(1)[0])
+    if judged is not None and judged.point == "counted":
+        found = replace(found, fit=judged.counted, prior=f"{found.prior}; {COUNTED}")
+        if judged.chosen != "joint":
+            posterior = posterior_of(problem, decisions, found.fit)
     draws = None if posterior is None else laplace_draws(posterior, rng)
     fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
@@ -93,6 +103,7 @@ def learn(
             n_episodes=len(decisions.episodes),
             dynamics=dynamics,
             own_flow=task.own_flow,
+            verdict="" if judged is None else judged.sentence(),
         ),
         learned_traps(paced, decisions, found.fit.reward_weights, driven),
         problem,
@@ -102,7 +113,22 @@ def learn(
         None if posterior is None else knowledge_of(problem, posterior),
         task.scenario_yaml,
         durations=durations,
+        judged=judged,
     )
+
+
+def judged_of(
+    problem: NavigationProblem, decisions: TimedDecisions, fit: FitResult, rng: np.random.Generator
+) -> JointDynamics | None:
+    """Whether rewards and dynamics may be learned together; None for fits that do not claim it.
+
+    Those state that beliefs are apart from the truth, choose their prior on left-out episodes, or
+    learn from hidden actions.
+    """
+    try:
+        return judge_joint_dynamics(problem, decisions, fit, rng)
+    except SerdError:
+        return None
 
 
 def _problem_of(

@@ -197,6 +197,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         gradient += at.zeros().with_block(Block.TRUTH, seen.dwells.evaluate(at.truth)[1])
         hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
     models = require_outcome_models(mdp.transitions, "this density")
+    n_parts = -(-n // max(1, STACKED // mdp.n_states))
     groups = []
     for blocks, place in belief.places(at):
         if Block.REWARD not in blocks:
@@ -211,7 +212,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         gradient=belief.pull_back(gradient, at),
         hessian=jacobian.T @ hessian @ jacobian,
         value=solution.value,
-        copies=copies_of(mdp, min(n, max(1, STACKED // mdp.n_states))),
+        copies=copies_of(mdp, -(-n // n_parts)),
         pairs=pairs,
         state=state,
         q=solution.q[states],

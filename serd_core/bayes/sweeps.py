@@ -29,7 +29,7 @@ from functools import partial
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate, surrogate
+from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate
 from serd_core.dynamics.estimation import OutcomeSets, outcome_sets
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
@@ -39,9 +39,11 @@ from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior, drawn_actions
 
 #: Sweeps before the first draws.
-N_SWEEPS = 6
+N_SWEEPS = 5
 #: Probability that weights move with the outcomes of a model.
 SHIFTED = 0.7
+#: Steps of the weights in a sweep, and as many of weights and laws together; they cost little.
+N_WALKS = 3
 #: Length of normal steps in conditional standard deviations, times the root of their number.
 STRIDE = 2.38
 #: Least logarithm of a probability.
@@ -52,40 +54,10 @@ ZERO = 1e-10
 ENOUGH = 50
 
 
-def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
-    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide."""
-    model = posterior.problem.mdp.transitions.moves
-    if not isinstance(model, OutcomeModels):
-        return False
-    if not space.belief.learns_dynamics:
-        return False
-    if model.n_others:
-        return True
-    following = np.sort(model.successors, axis=2)
-    changes = np.count_nonzero(np.diff(following, axis=2), axis=2)
-    shared = (changes > 0) & (changes < model.n_outcomes - 1) & model.available
-    return bool(posterior.observations.hidden) or bool(shared.any())
-
-
-def swept(
-    posterior: Posterior,
-    space: Coordinates,
-    mode: FloatArray,
-    root: FloatArray,
-    start: FloatArray,
-    n: int,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation."""
-    chains = _Chains(surrogate(posterior, space, mode, len(start)), root, start, rng)
-    found: list[FloatArray] = []
-    n_kept = -(-n // len(start))
-    for number in range(1 - N_SWEEPS, n_kept):
-        chains.sweep()
-        if number >= 0:
-            found.append(space.of_free(chains.points))
-    chains.require_accepted()
-    return np.concatenate(found)[:n]
+def can_sweep(posterior: Posterior, space: Coordinates) -> bool:
+    """Whether outcome models are learned, whose posterior sweeps keep."""
+    moves = posterior.problem.mdp.transitions.moves
+    return isinstance(moves, OutcomeModels) and space.belief.learns_dynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +98,7 @@ class _Model:
         return np.where(self.explaining > 0, log_outcomes[:, None], -np.inf)
 
 
-class _Chains:
+class Chains:
     """n chains at (n, m) points, which take the same steps in the same order.
 
     counts: (n, p) of the observed pairs, set_counts: (n, G) of the sets of outcomes, which differ
@@ -149,19 +121,32 @@ class _Chains:
         self.models = _models(near, root, precision, sets, self.shifted)
         laws = [np.arange(group.laws.start, group.laws.stop) for group in near.groups]
         self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
-        others = np.concatenate([np.arange(len(near.space.like.reward)), *laws])
-        self.weights = _walk(near.space, precision, others)
+        weights = np.arange(len(near.space.like.reward))
+        self.walks = [_walk(near.space, precision, weights)] * N_WALKS
+        if self.laws:
+            both = np.concatenate([weights, *laws])
+            self.walks += [_walk(near.space, precision, both)] * N_WALKS
         self.exact = near.exact(self.points, np.tile(near.value, (n, 1)))
         self.log_near = self._log_near(self.points)
         self.n_proposed = self.n_accepted = 0
+        self.direct = False
+        for _ in range(N_SWEEPS - 1):
+            self.sweep()
+
+    def states(self, n: int) -> FloatArray:
+        """(n c, d) coordinates of the c chains after each of the next n sweeps."""
+        found = []
+        for _ in range(n):
+            self.sweep()
+            found.append(self.near.space.of_free(self.points))
+        self._require_accepted()
+        return np.concatenate(found)
 
     def sweep(self) -> None:
         """Take all steps in random order, and all of them back where the sweep is not accepted."""
         if self.near.posterior.observations.hidden:
             self._draw_actions()
-        steps: list[Callable[[], None]] = [
-            lambda: self._step(self.weights.step(self.points, self.rng))
-        ]
+        steps: list[Callable[[], None]] = [partial(self._walk, each) for each in self.walks]
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
             if model.pseudo_counts.any():
@@ -178,8 +163,11 @@ class _Chains:
         self.exact = self.exact.replaced(taken, there)
         self.n_proposed += len(taken)
         self.n_accepted += int(taken.sum())
+        self.direct = True
+        steps[self.rng.integers(len(steps))]()
+        self.direct = False
 
-    def require_accepted(self) -> None:
+    def _require_accepted(self) -> None:
         """SerdError where many sweeps were proposed and none accepted."""
         if self.n_proposed >= ENOUGH and not self.n_accepted:
             raise SerdError(
@@ -200,11 +188,22 @@ class _Chains:
         return np.asarray(np.log(self.rng.random(len(log_ratio))) < log_ratio)
 
     def _step(self, moved: FloatArray, log_ratio: FloatArray | float = 0.0) -> None:
-        """Go to the moved points where N L^, and the rest of the ratio, allow it."""
+        """Go to the moved points where N L^, or directly N L, and the rest of the ratio, allow."""
         log_near = self._log_near(moved)
+        if self.direct:
+            there = self.near.exact(moved, self.exact.values)
+            gained = self._log_exact(there) - self._log_exact(self.exact)
+            taken = self._taken(gained + log_ratio)
+            self.points = np.where(taken[:, None], moved, self.points)
+            self.log_near = np.where(taken, log_near, self.log_near)
+            self.exact = self.exact.replaced(taken, there)
+            return
         taken = self._taken(log_near - self.log_near + log_ratio)
         self.points = np.where(taken[:, None], moved, self.points)
         self.log_near = np.where(taken, log_near, self.log_near)
+
+    def _walk(self, walk: _Walk) -> None:
+        self._step(walk.step(self.points, self.rng))
 
     def _redraw_outcomes(self, model: _Model) -> None:
         logs = self.near.log_outcomes(self.points, model.group)[:, model.number]

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
-from serd_core.bayes.information import interval, learned_outcomes, named_source
+from serd_core.bayes.information import learned_outcomes, named_source
 from serd_core.bayes.laplace import Laplace, PosteriorDraws
 from serd_core.checks import float_array, require_count
 from serd_core.demonstrations.decisions import Decisions
@@ -232,8 +232,8 @@ def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> D
     return DwellSummary(
         mean_s=np.exp(at.truth[model.means]),
         shape=np.exp(at.truth[model.shapes]),
-        mean_interval_s=np.exp(interval(log_means, mass)),
-        log_mean_over_probability=interval(of_outcomes - np.log(floored(outcomes)), mass),
+        mean_interval_s=np.exp(draws.interval(log_means, mass)),
+        log_mean_over_probability=draws.interval(of_outcomes - np.log(floored(outcomes)), mass),
         n_chosen=chosen,
         n_dwells=np.bincount(informed[informed >= 0], minlength=model.n_laws).astype(np.float64),
         from_dwells=from_dwells,
