@@ -37,7 +37,6 @@ STYLES = {
     "MDCE SERD, mode A": _FREE_SERD,
     "MDCE SERD, mode B": _SERD,
     "MDCE SERD, training part": LearnerStyle(YELLOW, "X", ":"),
-    "MDCE SERD, stopped early": LearnerStyle(GREEN, "P", "--"),
     "PM SERD": LearnerStyle(CYAN, "P"),
     "MDCE IRL": _IRL,
     "MDCE IRL, likelihood": _IRL,
