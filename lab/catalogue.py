@@ -50,6 +50,7 @@ EXPERIMENTS = {
         ),
         ("routes", "routes", "route choice with many destinations (recursive logit)"),
         ("durations", "durations", "what choices reveal of how long an avoided move takes"),
+        ("avoidance", "avoidance", "plans that avoid what few demonstrations leave open"),
         ("rust", "rust", "bus engine replacement (Rust 1987)"),
     )
 }
