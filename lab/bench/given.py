@@ -7,6 +7,8 @@ import numpy as np
 
 import serd_core as sc
 from serd_core.arrays import FloatArray
+from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.semi_markov.models import has_laws
 
 
 def problem_of(given: Mapping[str, Any], prefix: str = "") -> sc.TabularProblem | None:
@@ -43,3 +45,31 @@ def averaged(
         return None
     pairs = zip(weights, tables, strict=True)
     return np.asarray(np.mean([sc.soft_policy(problem, *pair).probabilities for pair in pairs], 0))
+
+
+def counted_draws(
+    problem: sc.TabularProblem,
+    decisions: sc.Decisions,
+    fit: sc.FitResult,
+    n: int,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """(n, R, K) draws of the outcomes given the moves alone, of a fit under counted dynamics.
+
+    Where moves take time, their laws are drawn, and outcomes are as counted.
+    """
+    models = problem.mdp.transitions
+    assert isinstance(models, OutcomeModels)
+    if has_laws(models):
+        # Imported here, since it takes longer than most fits.
+        from lab.experiments.durations import counted_draws as timed_draws
+
+        assert isinstance(decisions, sc.TimedDecisions)
+        theta = timed_draws(problem, decisions, fit.parameters.truth, n, rng)
+        return np.asarray(models.local_probabilities(theta))
+    table = fit.outcome_probabilities
+    seen = np.bincount(models.model_of[decisions.state, decisions.action], minlength=len(table))
+    # The M-estimate is (n + 1) / (N + K).
+    counts = table * (seen + table.shape[1])[:, None]
+    drawn = rng.gamma(counts, size=(n, *table.shape))
+    return np.asarray(drawn / drawn.sum(axis=2, keepdims=True))

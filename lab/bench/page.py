@@ -31,7 +31,12 @@ def table_of(rows: Mapping[str, Mapping[str, Sequence[Row]]]) -> pd.DataFrame:
                 if here:
                     place = {"task": task, "demonstrations": size, "method": METHODS[method].title}
                     found.append(place | summary(here, {} if method == OURS else ours))
-    return pd.DataFrame(found)
+    table = pd.DataFrame(found)
+    first = [
+        f"{name}{part}" for name in (*SCORES, *COVERAGES) for part in ("", " ±", " against SERD")
+    ]
+    order = ["task", "demonstrations", "method", "seeds", *first, "warm_s", "cold_s"]
+    return table[[name for name in order if name in table]]
 
 
 def summary(rows: Sequence[Row], ours: Mapping[int, Row]) -> Row:

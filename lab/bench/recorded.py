@@ -23,7 +23,7 @@ from lab.experiments.routes import RoutesConfig, read_routes
 from lab.experiments.rust import RustConfig, as_decisions, bus_months, rust_problem
 from lab.experiments.study.people.people import People, evenly
 from lab.experiments.study.people.settings import people_settings
-from lab.routes.network import Trips
+from lab.routes.network import RouteNetwork, Trips
 from serd_app.journeys.demonstrate import PlaceChoice, demonstrate
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.recipe import with_moves_as_actions
@@ -31,6 +31,7 @@ from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions, reached
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
+from serd_core.grid.navigation import NavigationProblem
 from serd_core.mdp.problem import TabularProblem
 
 #: Share of its decisions that a recording's discount leaves to the next one.
@@ -76,7 +77,7 @@ def _robots(folder: Path) -> tuple[TabularProblem, Decisions]:
 
 
 def _plain(
-    grid: Grid, problem: TabularProblem, decisions: TimedDecisions
+    grid: Grid, problem: NavigationProblem, decisions: TimedDecisions
 ) -> tuple[TabularProblem, Decisions]:
     """The problem by decisions, and those that ended in an outcome, without times."""
     shown = with_moves_as_actions(grid, decisions)
@@ -124,7 +125,7 @@ def case_of_routes(data: Path, size: int, rng: np.random.Generator) -> RouteCase
 
 
 @lru_cache(maxsize=1)
-def _routes(folder: Path):
+def _routes(folder: Path) -> tuple[RouteNetwork, Trips]:
     _files(folder, "*.txt")
     return read_routes(RoutesConfig(data=folder))
 

@@ -7,7 +7,7 @@ SERD has beyond this row is what joint estimation adds.
 import numpy as np
 
 import serd_core as sc
-from lab.bench.given import averaged, decisions_of, problem_of
+from lab.bench.given import averaged, counted_draws, decisions_of, problem_of
 
 TITLE, REQUIREMENTS = "IRL, counted dynamics, same prior", ()
 N_DRAWS = 64
@@ -23,7 +23,7 @@ def learn(given):
     fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
     rng = np.random.default_rng(0)
     weights = sc.laplace_draws(sc.laplace(problem, decisions, fit), rng, N_DRAWS).reward
-    tables = counted_draws(problem, decisions, fit, rng)
+    tables = counted_draws(problem, decisions, fit, N_DRAWS, rng)
     return {
         "policy": averaged(problem, weights, tables),
         "transfer_policy": averaged(transfer, weights, tables),
@@ -32,18 +32,3 @@ def learn(given):
         "draws_weights": weights,
         "draws_table": tables,
     }
-
-
-def counted_draws(problem, decisions, fit, rng):
-    """(n, R, K) draws of the outcomes given the moves alone."""
-    if isinstance(decisions, sc.TimedDecisions):
-        from lab.experiments.durations import counted_draws as timed_draws
-
-        theta = timed_draws(problem, decisions, fit.parameters.truth, N_DRAWS, rng)
-        return problem.mdp.transitions.local_probabilities(theta)
-    table, models = fit.outcome_probabilities, problem.mdp.transitions
-    seen = np.bincount(models.model_of[decisions.state, decisions.action], minlength=len(table))
-    # The M-estimate is (n + 1) / (N + K).
-    counts = table * (seen + table.shape[1])[:, None]
-    drawn = rng.gamma(counts, size=(N_DRAWS, *table.shape))
-    return drawn / drawn.sum(axis=2, keepdims=True)

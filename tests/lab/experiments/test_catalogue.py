@@ -1,6 +1,7 @@
 import pytest
 
 from lab.catalogue import experiment_named
+from lab.experiments.avoidance import AvoidanceConfig
 from lab.experiments.durations import DurationsConfig
 from lab.experiments.gridworld.ascents import AscentsConfig
 from lab.experiments.gridworld.experiment import GridworldConfig
@@ -14,6 +15,10 @@ from serd_sim.episodes.execution import Execution
 #: By name a small run, and some of the files that it leaves.
 SMALL = {
     "minimum-example": (MinimumExampleConfig(n_sets=8, sizes=(3,)), "log_likelihood.csv"),
+    "avoidance": (
+        AvoidanceConfig(n_repetitions=2, sizes=(2,), distances=(5,), quantiles=(0.1,), draws=4),
+        "worlds.csv summary.csv",
+    ),
     "durations": (DurationsConfig(n_repetitions=1, sizes=(3,), draws=4), "worlds.csv summary.csv"),
     "multi-start": (MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3), "shares.csv"),
     "ascents": (
