@@ -1,4 +1,4 @@
-# One command each: `make setup`, `make demo`, `make test`, `make check`, `make bench`.
+# One command each: `make setup`, `make demo`, `make test`, `make check`, `make benchmarks`.
 VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.10 || command -v python3)
@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Tests that `make site` runs.
 BY_SITE := tests/tools/test_notebooks.py tests/tools/test_site.py
 
-.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports budget bench pictures reference site dist clean
+.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports budget benchmarks pictures reference site dist clean
 
 help:
 	@echo "make setup     set up .venv with what the product needs"
@@ -28,7 +28,7 @@ help:
 	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, budget of lines, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
-	@echo "make bench     speed against peers, results as JSON"
+	@echo "make benchmarks  speed, results as JSON"
 	@echo "make pictures  draw the pictures of the documents again (needs Graphviz and Chromium)"
 	@echo "               after a change of the demo: make pictures ARGS='--demo demo_output/run-1'"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
@@ -86,8 +86,8 @@ imports: $(VENV)/.all
 budget: $(VENV)/.all
 	@$(BIN)/python tools/check_budget.py
 
-bench: build
-	@$(BIN)/python -m lab bench $(ARGS)
+benchmarks: build
+	@$(BIN)/python -m lab benchmarks $(ARGS)
 
 pictures: build
 	@$(BIN)/python tools/draw_architecture.py

@@ -43,6 +43,7 @@ from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
 from serd_core.mdp.problem import from_gymnasium as from_gymnasium
 from serd_core.mdp.problem import from_transitions as from_transitions
+from serd_core.policies.pessimistic_policy import pessimistic_policy as pessimistic_policy
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
 from serd_core.policies.solved_policy import soft_policy as soft_policy

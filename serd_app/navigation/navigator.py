@@ -249,6 +249,7 @@ class Navigator:
             path,
             scenario,
             self._settings.policy,
+            plan_quantile=self._settings.plan_quantile,
             transfer=self._settings.transfer,
             timeout_s=self._settings.timeout_s,
             file=file,

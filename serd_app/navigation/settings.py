@@ -18,6 +18,13 @@ class NavigationSettings(EpisodeSettings):
         "optimal",
         "optimal: the optimum of the learned rewards; soft: the stochastic policy of the expert",
     )
+    plan_quantile: float = setting(
+        0.0,
+        "avoid what is not known: plan by this quantile of what a decision leads to over the draws"
+        " of the posterior (0.1); 0: by their mean",
+        ge=0,
+        lt=1,
+    )
     transfer: bool = setting(False, "also accept a model that was learned on another grid")
     goal: str = setting(
         "", "x,y (m) of the cell to drive to; the goal area of the scenario when empty"

@@ -16,7 +16,9 @@ from serd_sim.crowd.social_force import model_names
 #: Words of a command and of the sentence by which it is refused.
 REFUSED = (
     ("hallwya", "no experiment or benchmark is named 'hallwya'; did you mean 'hallway'?"),
-    ("bench gradeint", "got 'gradeint'; did you mean 'gradient'?"),
+    ("benchmarks gradeint", "got 'gradeint'; did you mean 'gradient'?"),
+    ("bench --method serdd", "got 'serdd'; did you mean 'serd'?"),
+    ("bench --task hazards", "got 'hazards'; did you mean 'hazard'?"),
     ("rust", "--data must be given for rust: the folder of Rust's odometer files"),
     ("rust --data . --bins many", "n_bins must be an integer, "),
     ("gridworld --discount 1", "discount must be less than 1, got '1'"),
@@ -45,7 +47,7 @@ def test_everything_is_listed_with_a_line_and_has_a_help(lab, root):
         shown = CliRunner().invoke(app_of(name), ["--help"])
         assert shown.exit_code == 0, shown.output
         # Runs of long work can be sent to other machines.
-        assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS, "faults"})
+        assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS, "faults", "bench"})
     defining = {
         ".".join(path.relative_to(root).with_suffix("").parts)
         for path in (root / "lab" / "benchmarks").rglob("*.py")

@@ -1,8 +1,9 @@
 """The plan of a learned model in a scenario: policy, traps, predicted arrival and the way to go.
 
 The robot plans with the posterior mean of K = P E[gamma^tau], in which Bellman's equation is linear
-(docs/semi_markov.md). Where the learned policy is trapped it takes the way of least expected time
-(`serd_core.arrival.arriving_policy`). All that is predicted is of this policy.
+(docs/semi_markov.md), or with a quantile over its draws. Where the learned policy is trapped it
+takes the way of least expected time (`serd_core.arrival.arriving_policy`). All that is predicted is
+of this policy.
 
 A model that was learned on another grid transfers its reward weights by feature name and its local
 models by their names; they mean the same only for cells of the same size. Grid, flow, walls, goal,
@@ -25,6 +26,7 @@ from serd_core.bayes.laplace import averaged_policy
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, features_of_flow, with_dwell_times
+from serd_core.policies.pessimistic_policy import pessimistic_policy
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelFile, Probabilities, load_model, require_grid
@@ -137,6 +139,7 @@ def load_strategy(
     scenario: Scenario,
     kind: str,
     *,
+    plan_quantile: float = 0.0,
     transfer: bool = False,
     timeout_s: float | None = None,
     file: ModelFile | None = None,
@@ -144,7 +147,8 @@ def load_strategy(
     """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
-    the stochastic policy of the expert. transfer: whether to accept a model of another grid.
+    the stochastic policy of the expert. plan_quantile: of an optimal plan over the draws of the
+    posterior, 0 for their mean. transfer: whether to accept a model of another grid.
     timeout_s: the scenario's when None. file: the content of the file, read when None.
     """
     file = load_model(path) if file is None else file
@@ -161,7 +165,11 @@ def load_strategy(
     problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
     draws = dynamics_of_draws(path, own, problem)
     tables = require_timed(problem.mdp.transitions).local_probabilities(draws)
-    policy = SOLVERS[kind](problem, own.weights, tables.mean(axis=0))
+    if plan_quantile:
+        _require_draws(path, kind, own)
+        policy = pessimistic_policy(problem, own.weights, tables, plan_quantile)
+    else:
+        policy = SOLVERS[kind](problem, own.weights, tables.mean(axis=0))
     if kind == "soft" and own.draws.learned:
         weights = np.array(own.draws.reward_weights)
         policy = replace(policy, probabilities=averaged_policy(problem, weights, tables))
@@ -174,6 +182,20 @@ def load_strategy(
         timeout_s=scenario.episode_timeout_s if timeout_s is None else timeout_s,
         transferred=transferred,
     )
+
+
+def _require_draws(path: str, kind: str, file: ModelFile) -> None:
+    """FileError unless a plan by a quantile is one of rewards, over draws of a posterior."""
+    if kind != "optimal":
+        raise FileError(
+            f"plan_quantile must be 0 for the policy {kind!r}, the expert's, got more; choose"
+            " optimal"
+        )
+    if not file.draws.learned:
+        raise FileError(
+            f"{path}: plan_quantile needs draws of the posterior, but it has none; learn the model"
+            " by SERD with priors by evidence"
+        )
 
 
 def problem_of_model(
