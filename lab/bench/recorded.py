@@ -42,6 +42,7 @@ N_TEST = 100
 
 def case_of_rust(data: Path, size: int, rng: np.random.Generator) -> Case:
     """Rust's group 4: some of the 37 buses are learned from, the others predicted."""
+    _files(data / "rust1987", "a530875.asc")
     config = RustConfig(data=data / "rust1987")
     increments, rows = bus_months(config)
     problem = rust_problem(config.n_bins, int(increments.max()) + 1, config.discount)
@@ -91,7 +92,7 @@ def _plain(
 def _files(folder: Path, pattern: str) -> list[Path]:
     found = sorted(folder.glob(pattern)) if folder.is_dir() else []
     if not found:
-        raise SerdError(f"{folder} must hold {pattern}, but does not; name its parent by --data")
+        raise SerdError(f"--data must hold {folder.name}/{pattern}, but does not; add these files")
     return found
 
 
