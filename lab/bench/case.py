@@ -178,8 +178,7 @@ def distinct_rows(problem: TabularProblem) -> Iterator[tuple[int, IntArray]]:
 
 def decision_shares(problem: TabularProblem, decisions: Decisions) -> FloatArray:
     """(S, A) share of each decision among those of a table."""
-    counts = observe(problem, decisions).state_action
-    return np.asarray(counts / counts.sum())
+    return np.asarray(observe(problem, decisions).state_action / len(decisions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +193,8 @@ class RouteCase:
         """What a method is given, which is no problem with one goal."""
         names, found = ("n_links", "from_link", "to_link", "features", "exits"), dict[str, Any]()
         found |= {f"network_{name}": getattr(self.network, name) for name in names}
-        names = ("origin", "destinations", "to", "features")
-        return found | {f"trips_{name}": getattr(self.trips, name) for name in names}
+        of_trips = ("origin", "destinations", "to", "features")
+        return found | {f"trips_{name}": getattr(self.trips, name) for name in of_trips}
 
     def scores(self, result: Arrays) -> dict[str, float]:
         """Log-likelihood per trip of those held out."""

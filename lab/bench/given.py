@@ -1,6 +1,6 @@
 """What the project's own methods make of the arrays that a method is given."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 import serd_core as sc
 from serd_core.arrays import FloatArray
 from serd_core.dynamics.outcome_models import OutcomeModels
+from serd_core.mdp.problem import Problem
 from serd_core.semi_markov.models import has_laws
 
 
@@ -20,11 +21,13 @@ def problem_of(given: Mapping[str, Any], prefix: str = "") -> sc.TabularProblem 
         raise NotImplementedError("one goal")
     if f"{prefix}features" not in given:
         return None
-    tables = [given[f"{prefix}{name}"] for name in ("successors", "model_of", "available")]
-    models = sc.OutcomeModels(*tables, int(given["n_models"]))
+    names = ("successors", "model_of", "available")
+    successors, model_of, available = (given[f"{prefix}{name}"] for name in names)
+    models = sc.OutcomeModels(successors, model_of, available, int(given["n_models"]))
     features = given[f"{prefix}features"]
-    names = tuple(f"feature {number}" for number in range(features.shape[2]))
-    plain = sc.TabularProblem(sc.Mdp(models, float(given["discount"])), features, names)
+    feature_names = tuple(f"feature {number}" for number in range(features.shape[2]))
+    mdp = sc.Mdp(models, float(given["discount"]))
+    plain = sc.TabularProblem(mdp, features, feature_names)
     return sc.semi_markov_problem(plain) if "dwell_s" in given else plain
 
 
@@ -38,7 +41,7 @@ def decisions_of(given: Mapping[str, Any]) -> sc.Decisions:
 
 
 def averaged(
-    problem: sc.TabularProblem | None, weights: FloatArray, tables: FloatArray
+    problem: sc.TabularProblem | None, weights: Iterable[FloatArray], tables: Iterable[FloatArray]
 ) -> FloatArray | None:
     """(S, A) mean of the soft policies of (n, F) weights and (n, R, K) tables."""
     if problem is None:
@@ -48,7 +51,7 @@ def averaged(
 
 
 def counted_draws(
-    problem: sc.TabularProblem,
+    problem: Problem,
     decisions: sc.Decisions,
     fit: sc.FitResult,
     n: int,
@@ -65,6 +68,7 @@ def counted_draws(
         from lab.experiments.durations import counted_draws as timed_draws
 
         assert isinstance(decisions, sc.TimedDecisions)
+        assert isinstance(problem, sc.TabularProblem)
         theta = timed_draws(problem, decisions, fit.parameters.truth, n, rng)
         return np.asarray(models.local_probabilities(theta))
     table = fit.outcome_probabilities

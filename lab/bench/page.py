@@ -103,7 +103,7 @@ def _cell(row: Row, name: str) -> str:
     value, half = row.get(name), row.get(f"{name} ±")
     if value is None or np.isnan(value):
         return "–"
-    mark = {1: " ▲", -1: " ▼"}.get(row.get(f"{name} against SERD"), "")
+    mark = {1: " ▲", -1: " ▼"}.get(row.get(f"{name} against SERD", 0), "")
     width = "" if half is None or np.isnan(half) else f" ± {half:.2g}"
     return f"{value:.3f}{width}{mark}".replace("-", "−")
 

@@ -23,11 +23,11 @@ from lab.experiments.routes import RoutesConfig, read_routes
 from lab.experiments.rust import RustConfig, as_decisions, bus_months, rust_problem
 from lab.experiments.study.people.people import People, evenly
 from lab.experiments.study.people.settings import people_settings
-from lab.routes.network import RouteNetwork, Trips
+from lab.routes.network import Trips
 from serd_app.journeys.demonstrate import PlaceChoice, demonstrate
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.recipe import with_moves_as_actions
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions, reached
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid
@@ -42,6 +42,7 @@ N_TEST = 100
 
 def case_of_rust(data: Path, size: int, rng: np.random.Generator) -> Case:
     """Rust's group 4: some of the 37 buses are learned from, the others predicted."""
+    _files(data / "rust1987", "a530875.asc")
     config = RustConfig(data=data / "rust1987")
     increments, rows = bus_months(config)
     problem = rust_problem(config.n_bins, int(increments.max()) + 1, config.discount)
@@ -91,7 +92,7 @@ def _plain(
 def _files(folder: Path, pattern: str) -> list[Path]:
     found = sorted(folder.glob(pattern)) if folder.is_dir() else []
     if not found:
-        raise SerdError(f"{folder} must hold {pattern}, but does not; name its parent by --data")
+        raise SerdError(f"--data must hold {folder.name}/{pattern}, but does not; add these files")
     return found
 
 
@@ -119,19 +120,13 @@ def _chosen(
 
 def case_of_routes(data: Path, size: int, rng: np.random.Generator) -> RouteCase:
     """Trips on a road network to many destinations; left turns begin at 30 degrees, as stated."""
-    network, trips = _routes(data / "routes")
+    _files(data / "routes", "*.txt")
+    network, trips = read_routes(RoutesConfig(data=data / "routes"))
     learned, tested = _chosen(np.arange(len(trips)), size, rng)
     return RouteCase(network, some_of(trips, learned), some_of(trips, tested))
-
-
-@lru_cache(maxsize=1)
-def _routes(folder: Path) -> tuple[RouteNetwork, Trips]:
-    _files(folder, "*.txt")
-    return read_routes(RoutesConfig(data=folder))
 
 
 def some_of(trips: Trips, rows: IntArray) -> Trips:
     """The trips of the given rows, with the destinations that these have."""
     goals, to = np.unique(trips.destinations[trips.to[rows]], return_inverse=True)
-    features: FloatArray = trips.features[rows]
-    return Trips(trips.origin[rows], goals, to, features)
+    return Trips(trips.origin[rows], goals, to, trips.features[rows])

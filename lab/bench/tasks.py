@@ -32,10 +32,6 @@ def _of_worlds(family: worlds.Family) -> Maker:
     return make
 
 
-def _of_durations(_: Path, size: int, rng: np.random.Generator) -> Case:
-    return worlds.case_of_durations(size, rng)
-
-
 _FEW = (3, 25)
 TASKS = {
     "rust": Task("bus engine replacement, Rust (1987), group 4", (5, 18), recorded.case_of_rust),
@@ -43,17 +39,9 @@ TASKS = {
     "crowds": Task("people in a corridor, two directions", (10, 100), recorded.case_of_crowds),
     "robots": Task("a robot among people", (3, 10), recorded.case_of_robots),
     "borders": Task("gridworlds, 64 cells, 3 terrains", _FEW, _of_worlds(worlds.grid_world)),
-    "aliased": Task(
-        "a ring where three of four outcomes stay", _FEW, _of_worlds(worlds.aliased_world)
-    ),
+    "aliased": Task("three of four outcomes stay", _FEW, _of_worlds(worlds.aliased_world)),
     "hazard": Task("a chain with a rare, costly fall", _FEW, _of_worlds(worlds.hazard_world)),
-    "confounded": Task(
-        "a way that is disliked, slow, or both", _FEW, _of_worlds(worlds.confounded_world)
-    ),
-    "misspecified": Task(
-        "gridworlds, experts ε-greedy or Boltzmann over optimal Q",
-        _FEW,
-        _of_worlds(worlds.misspecified_world),
-    ),
-    "durations": Task("a ring where moves take time", _FEW, _of_durations),
+    "confounded": Task("a way disliked or slow", _FEW, _of_worlds(worlds.confounded_world)),
+    "misspecified": Task("other experts", _FEW, _of_worlds(worlds.misspecified_world)),
+    "durations": Task("a ring where moves take time", _FEW, worlds.case_of_durations),
 }

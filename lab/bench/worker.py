@@ -4,7 +4,7 @@
 
 Reads `case_N.npz` in turn, writes `result_N.npz`, and prints a line of JSON after each: the number,
 processor seconds (of the first case also cold: from the start of the process, and warm: of a second
-call), or why there is no result. Needs NumPy alone.
+call), or why there is no result.
 """
 
 import json
@@ -22,7 +22,7 @@ def main(method: str, folder: Path) -> None:
     for file in sorted(folder.glob("case_*.npz"), key=lambda path: int(path.stem[5:])):
         with np.load(file) as content:
             given = dict(content)
-        line = {"case": int(file.stem[5:])}
+        line: dict[str, float | str] = {"case": int(file.stem[5:])}
         try:
             if learn is None:
                 learn = runpy.run_path(method)["learn"]

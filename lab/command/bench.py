@@ -1,6 +1,6 @@
 """`python -m lab bench`: the table of the field and its page."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
@@ -36,8 +36,6 @@ def bench(
 ) -> None:
     """Measure what is missing of ten tasks and all methods, then write the table and its page.
 
-    python -m lab bench --data data
-
     python -m lab bench --task borders --task hazard --method serd
 
     An interrupted run goes on where it stopped. The page, docs/bench.md (with --quick bench.md in
@@ -65,7 +63,7 @@ def bench(
     print(f"table: {output / 'bench.csv'}\npage: {target}")
 
 
-def _chosen(names: list[str] | None, known: Sequence[str], what: str) -> list[str]:
+def _chosen(names: list[str] | None, known: Iterable[str], what: str) -> list[str]:
     for name in names or ():
         if name not in known:
             raise UsageError(choice_rule(what, name, known))

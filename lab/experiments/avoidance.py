@@ -122,12 +122,11 @@ def _law(given: World, policy: FloatArray) -> FloatArray:
 
 def _limits(given: World, best: FloatArray) -> dict[int, tuple[float, float]]:
     """Seconds after which a robot is late, and trapped, by distance."""
-    cdf, found = _law(given, best), {}
-    for distance in given.config.distances:
-        own = cdf[:, 2 * distance]
-        late_s = STEP_S * float(np.argmax(own >= LATE_SHARE))
-        found[distance] = late_s, TRAPPED_AFTER * _mean_s(own)
-    return found
+    own = {distance: _law(given, best)[:, 2 * distance] for distance in given.config.distances}
+    return {
+        distance: (STEP_S * float(np.argmax(cdf >= LATE_SHARE)), TRAPPED_AFTER * _mean_s(cdf))
+        for distance, cdf in own.items()
+    }
 
 
 def _arrival(cdf: FloatArray, late_s: float, trapped_s: float) -> Row:

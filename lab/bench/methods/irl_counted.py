@@ -6,26 +6,21 @@ Intervals are those of the standard errors, without that of the dynamics.
 import numpy as np
 
 import serd_core as sc
-from lab.bench.given import decisions_of, problem_of
+from lab.bench.given import averaged, decisions_of, problem_of
 
 TITLE, REQUIREMENTS = "IRL, counted dynamics", ()
 
 
 def learn(given):
     """Weights of highest likelihood from zero on."""
-    problem, transfer, decisions = (
-        problem_of(given),
-        problem_of(given, "transfer_"),
-        decisions_of(given),
-    )
+    problem, transfer = problem_of(given), problem_of(given, "transfer_")
+    decisions = decisions_of(given)
     start = np.zeros(given["features"].shape[2])
     fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, initial_weights=start)
     table = problem.mdp.transitions.local_probabilities(fit.parameters.truth)
     return {
-        "policy": sc.soft_policy(problem, fit.reward_weights, table).probabilities,
-        "transfer_policy": None
-        if transfer is None
-        else sc.soft_policy(transfer, fit.reward_weights, table).probabilities,
+        "policy": averaged(problem, [fit.reward_weights], [table]),
+        "transfer_policy": averaged(transfer, [fit.reward_weights], [table]),
         "weights": fit.reward_weights,
         "table": table,
         "draws_weights": drawn(problem, decisions, fit),

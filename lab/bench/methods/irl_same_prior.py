@@ -15,11 +15,8 @@ N_DRAWS = 64
 
 def learn(given):
     """Count, fit the rewards by evidence, draw both."""
-    problem, transfer, decisions = (
-        problem_of(given),
-        problem_of(given, "transfer_"),
-        decisions_of(given),
-    )
+    problem, transfer = problem_of(given), problem_of(given, "transfer_")
+    decisions = decisions_of(given)
     fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
     rng = np.random.default_rng(0)
     weights = sc.laplace_draws(sc.laplace(problem, decisions, fit), rng, N_DRAWS).reward

@@ -13,11 +13,8 @@ def learn(given):
     """Fit by evidence, then draw from the posterior; routes have no dynamics to learn."""
     if "network_features" in given:
         return {"weights": routes(given)}
-    problem, transfer, decisions = (
-        problem_of(given),
-        problem_of(given, "transfer_"),
-        decisions_of(given),
-    )
+    problem, transfer = problem_of(given), problem_of(given, "transfer_")
+    decisions = decisions_of(given)
     fit = sc.fit_mdce_serd(problem, decisions)
     draws = sc.laplace_draws(sc.laplace(problem, decisions, fit), np.random.default_rng(0), N_DRAWS)
     return {
