@@ -3,10 +3,20 @@
 from typing import Literal
 
 from serd_files.settings import setting, setting_of
+from serd_files.yaml_config import StrictModel
 from serd_sim.episodes.episode import EpisodeSettings, WorldSettings
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
 PolicyKind = Literal["optimal", "soft"]
+
+
+class ApproachSettings(StrictModel):
+    """When the robot is at a goal pose; wider than the 0.25 of Nav2, which then stops within."""
+
+    xy_goal_tolerance: float = setting(
+        0.3, "a goal pose is reached within this distance", unit="m", gt=0, le=10
+    )
+    yaw_goal_tolerance: float = setting(0.35, "and within this angle", unit="rad", gt=0, le=3.1416)
 
 
 class NavigationSettings(EpisodeSettings):

@@ -106,11 +106,7 @@ class ArrivalByState:
 
 def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray) -> FloatArray:
     """(S,) probability of ever being in a goal state, for a start in each state."""
-    steps = scipy.sparse.coo_array(chain)
-    steps.sum_duplicates()
-    kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
-    places = steps.row[kept], steps.col[kept]
-    onward = scipy.sparse.csr_array((steps.data[kept], places), shape=steps.shape)
+    onward = _onward(chain, goal)
     lost = ~can_reach(onward, goal)
     open_states = np.flatnonzero(can_reach(onward, lost) & ~lost)
     arriving = np.where(lost, 0.0, 1.0)
@@ -119,15 +115,26 @@ def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray)
     return arriving
 
 
+def _onward(chain: scipy.sparse.csr_array, goal: BoolArray) -> scipy.sparse.csr_array:
+    """(S, S) the steps that lead to another state, none from a goal."""
+    steps = scipy.sparse.coo_array(chain)
+    steps.sum_duplicates()
+    kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
+    places = steps.row[kept], steps.col[kept]
+    return scipy.sparse.csr_array((steps.data[kept], places), shape=steps.shape)
+
+
 def can_reach(onward: scipy.sparse.csr_array, target: BoolArray) -> BoolArray:
     """(S,) whether a target (S,) can be reached by the steps of a graph (S, S), or is there."""
-    reversed_graph = scipy.sparse.csr_array(onward.T)
-    reaches, new = np.array(target, dtype=np.bool_), np.flatnonzero(target)
-    while len(new):
-        before = np.unique(reversed_graph[new].indices)
-        new = before[~reaches[before]]
-        reaches[new] = True
-    return reaches
+    steps, n_states = scipy.sparse.coo_array(onward), len(target)
+    goals = np.flatnonzero(target)
+    # One more state, from which the reversed steps lead to all targets.
+    start = np.concatenate([steps.col, np.full(len(goals), n_states)])
+    end = np.concatenate([steps.row, goals])
+    shape = (n_states + 1, n_states + 1)
+    back = scipy.sparse.csr_array((np.ones(len(start)), (start, end)), shape=shape)
+    found = scipy.sparse.csgraph.breadth_first_order(back, n_states, return_predecessors=False)
+    return np.isin(np.arange(n_states), found)
 
 
 def _arriving_of_open_states(
@@ -245,20 +252,29 @@ def timed_arrival(
 
         arrival = sc.timed_arrival(timed, policy.probabilities, fit.parameters.truth, 0.2, 300)
     """
-    goal, mdp = goal_mask(problem), problem.mdp
-    choice, model = checked_policy("policy", policy, mdp), mdp.transitions
     checks.require_positive("step_s", step_s, "use 0.1")
     checks.require_count("n_steps", n_steps, 0, "the time-out's")
+    chain, laws = _timed_chain(problem, policy, parameters)
+    mass = np.array([[0.0, 1.0]]) if laws is None else dwell_steps(*laws, step_s, n_steps)
+    return renewal_arrival(chain, mass, n_steps)
+
+
+def _timed_chain(
+    problem: GoalProblem, policy: FloatArray, parameters: FloatArray
+) -> tuple["RenewalChain", tuple[FloatArray, FloatArray] | None]:
+    """The moves of a policy, and mean (s) and shape (C,) of their classes; None without times."""
+    goal, mdp = goal_mask(problem), problem.mdp
+    choice, model = checked_policy("policy", policy, mdp), mdp.transitions
     theta = checks.float_array("parameters", parameters, (model.n_parameters,))
+    of_classes = None
     if isinstance(model, SemiMarkovModels):
         laws = model.laws(theta)
         pairs = np.stack([laws.mean_s, laws.shape], axis=2).reshape(-1, 2)
         distinct, place = np.unique(pairs, axis=0, return_inverse=True)
         classes, table = place.reshape(-1)[model.local_index], laws.probability
-        mass = dwell_steps(distinct[:, 0], distinct[:, 1], step_s, n_steps)
+        of_classes = distinct[:, 0], distinct[:, 1]
     else:
         classes, table = np.zeros(model.n_entries, dtype=np.int64), model.local_probabilities(theta)
-        mass = np.array([[0.0, 1.0]])
     chain = RenewalChain(
         state=model.row // mdp.n_actions,
         successor=model.successor,
@@ -266,7 +282,35 @@ def timed_arrival(
         dwell=classes,
         goal=goal,
     )
-    return renewal_arrival(chain, mass, n_steps)
+    return chain, of_classes
+
+
+def arrival_moments(
+    problem: GoalProblem, policy: FloatArray, parameters: FloatArray, step_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """(S,) mean (s) and (S,) mean square (s^2) of the time until arrival, by two linear solves.
+
+    inf where it is not certain. The mean square is at least that of a law in steps of step_s.
+    """
+    chain, laws = _timed_chain(problem, policy, parameters)
+    mean_s, shape = (np.full(1, step_s), np.full(1, np.inf)) if laws is None else laws
+    square_s2 = mean_s**2 * (1.0 + 1.0 / shape) + step_s**2 / 4.0
+    onward = _onward(chain.matrix().tocsr(), chain.goal)
+    certain = ~can_reach(onward, ~can_reach(onward, chain.goal))
+    inner = np.flatnonzero(certain & ~chain.goal)
+    first, second = np.where(certain, 0.0, np.inf), np.where(certain, 0.0, np.inf)
+    matrix = chain.matrix()[:, inner][inner, :]
+    factor = splu(scipy.sparse.csc_array(scipy.sparse.identity(len(inner)) - matrix))
+
+    def solved(of_moves: FloatArray) -> FloatArray:
+        sums = np.bincount(chain.state, chain.probability * of_moves, len(chain.goal))
+        return np.asarray(factor.solve(sums[inner]))
+
+    taken_s = mean_s[chain.dwell]
+    first[inner] = solved(taken_s)
+    after_s = np.where(certain, first, 0.0)[chain.successor]
+    second[inner] = solved(square_s2[chain.dwell] + 2.0 * taken_s * after_s)
+    return first, second
 
 
 def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: int) -> FloatArray:

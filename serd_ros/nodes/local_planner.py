@@ -82,6 +82,8 @@ class Planning(Activity):
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
+        #: Of the newest waypoint: at the robot's own place, live, where the robot is to turn to.
+        self._heading_rad: float | None = None
         self._followed, self._epochs = FollowedDirective(scenario), epochs_in(scenario)
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
@@ -118,10 +120,13 @@ class Planning(Activity):
         self._waypoint = None
 
     def _on_intent(self, message: Vector3Stamped) -> None:
+        self._heading_rad = None
         self._take_directive(*from_intent(message, self._node.frames))
 
     def _on_waypoint(self, message: PoseStamped) -> None:
-        self._take_directive(*from_waypoint_message(message, self._node.frames))
+        time_ns, waypoint, heading_rad = from_waypoint_message(message, self._node.frames)
+        self._heading_rad = None if self._config.lockstep else heading_rad
+        self._take_directive(time_ns, waypoint)
 
     def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
         self._directive = time_ns, directive
@@ -195,6 +200,8 @@ class Planning(Activity):
     def _plan(self, observation: Observation) -> Command:
         """The planner's command; its status is published when it changes."""
         command = self._planner.step(observation, self._waypoint)
+        if self._waypoint is None and self._heading_rad is not None and self._followed.is_recent:
+            command = self._planner.turn(observation, self._heading_rad)
         if self._planner.status != self._status:
             self._status = self._planner.status
             level = OK if self._status is PlannerStatus.NONE else WARN

@@ -250,8 +250,16 @@ class Endpoints:
         success. No response is sent once its client or this service is gone (`run_node`).
         """
 
-        def respond(request: Any, response: Any) -> Any:
+        def respond(request: Any, response: Any) -> None:
             response.success, response.message = True, answer(request)
+
+        self.answer(kind, name, respond)
+
+    def answer(self, kind: Any, name: str, fill: Callable[[Any, Any], None]) -> None:
+        """Serve any type. fill: fills the response, which is the type's own where it raises."""
+
+        def respond(request: Any, response: Any) -> Any:
+            fill(request, response)
             return response
 
         node = self.node

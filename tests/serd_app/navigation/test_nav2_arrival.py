@@ -100,6 +100,9 @@ def test_nav2_reaches_every_goal_whatever_its_tolerance(
     grid = navigator.strategy.problem.grid
     for goal in grid.centers_m[rng.permutation(grid.n_states)[:20]].tolist():
         navigator.set_goal(*goal)
-        assert arrives(navigator, robot, goals, through, rng.uniform(0.0, STEP_S)), (goal, robot.pose)
+        assert arrives(navigator, robot, goals, through, rng.uniform(0.0, STEP_S)), (
+            goal,
+            robot.pose,
+        )
         goals.cancel()
         robot.poses, robot.handle = [], None
