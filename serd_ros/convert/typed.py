@@ -21,6 +21,7 @@ from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
 
 PACKAGE = "serd_msgs"
+REPLAYED = f"{PACKAGE}/msg/Replayed"
 _DEFINITIONS = Path(__file__).parents[1] / "interfaces"
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)
 _SMALLEST_STEP = 1e-3
@@ -42,6 +43,14 @@ def _made(name: str, time_s: float, **fields: Any) -> bytes:
     full = f"{PACKAGE}/msg/{name}"
     message = types[full](header=header, **fields)
     return bytes(rosbags_types().serialize_cdr(message, full))
+
+
+def to_replayed(topic: str, log_times_ns: Sequence[int]) -> bytes:
+    """serd_msgs/Replayed: the log times of messages that were published on a topic."""
+    register()
+    times_ns = np.array(log_times_ns, dtype=np.int64)
+    message = rosbags_types().types[REPLAYED](topic=topic, log_times=times_ns)
+    return bytes(rosbags_types().serialize_cdr(message, REPLAYED))
 
 
 def quantiles_s(law: ArrivalLaw, shares: Sequence[float]) -> list[float]:

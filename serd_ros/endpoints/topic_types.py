@@ -84,6 +84,7 @@ TYPES = {
         ("geometry_msgs/msg/PolygonStamped", qos.LATCHED, topics.GOAL_AREA),
         ("serd_msgs/msg/ArrivalForecast", qos.LATCHED, topics.ARRIVAL),
         ("serd_msgs/msg/Decision", qos.LATCHED, topics.DECISION),
+        (typed.REPLAYED, qos.STATE, topics.REPLAYED),
         ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
         ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY,
          topics.MARKERS_VALUE, topics.MARKERS_ARRIVAL),
