@@ -256,9 +256,11 @@ class Guard:
 
     def _is_in_view(self, command: Command) -> bool:
         """Whether the lidar, where there is one, looks where a command leads."""
-        if self._scan is None or command.linear_mps == 0.0:
+        if self._scan is None:
             return True
         seen = self._scan[0]
+        if command.linear_mps == 0.0:
+            return seen.around or command.angular_radps == 0.0 or self.settings.outline.is_round
         return seen.ahead if command.linear_mps > 0.0 else seen.behind
 
     def _check(self, source: Source, now_s: float) -> Check:
@@ -324,7 +326,7 @@ def _reach_m(settings: GuardSettings) -> float:
     follows_s = settings.reaction_time + 2.0 / settings.controller_frequency
     old_m = speed * settings.source_timeout
     walked_m = settings.person_speed * (follows_s + slow / settings.braking)
-    zones_m = max(settings.radius + settings.collision_margin, settings.stop_radius)
+    zones_m = max(settings.outline.radius_m + settings.collision_margin, settings.stop_radius)
     return old_m + max(
         zones_m + speed * follows_s + 0.5 * speed**2 / settings.braking,
         zones_m + slow * follows_s + 0.5 * slow**2 / settings.braking + walked_m,

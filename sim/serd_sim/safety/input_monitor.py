@@ -104,7 +104,7 @@ class FrozenMonitor:
     """
 
     def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
-        self._limit_m, self._radius_m = settings.frozen_motion, settings.radius
+        self._limit_m, self._radius_m = settings.frozen_motion, settings.outline.radius_m
         self._track = track
         self._value: bytes | None = None
         self._first_s = self._newest_s = 0.0

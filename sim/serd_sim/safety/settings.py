@@ -1,12 +1,13 @@
 """Settings of the guard, under the names of Nav2's collision_monitor where it has them."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import model_validator
+from pydantic import AfterValidator, model_validator
 
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.crowd.social_force import model_named
+from serd_sim.robot.footprint import Footprint, corners_in, footprint_of
 from serd_sim.safety.scan import ZeroIs
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
@@ -29,6 +30,11 @@ CREEP_MPS = 0.1
 _SCAN_PERIODS = 2.5
 
 
+def _outline(text: str) -> str:
+    corners_in(text)
+    return text
+
+
 class LidarPlace(StrictModel):
     """Where the lidar is on the robot, and what it means by a range of 0."""
 
@@ -49,7 +55,12 @@ class GuardSettings(LidarPlace):
         "inputs that the robot relies on beside odom; the robot stands without one of them",
         min_length=1,
     )
-    radius: float = setting(_ROBOT.radius_m, "radius of the footprint", unit="m", gt=0)
+    radius: float = setting(_ROBOT.radius_m, "radius of a round footprint", unit="m", gt=0)
+    footprint: Annotated[str, AfterValidator(_outline)] = setting(
+        "",
+        "corners of a footprint that is not round, as Nav2 has them: '[[x, y], ...]', in m in the"
+        " frame base_link; takes the place of radius",
+    )
     max_vel_x: float = setting(_ROBOT.max_vel_x_mps, "largest speed", unit="m/s", gt=0)
     max_vel_theta: float = setting(
         _ROBOT.max_vel_theta_radps, "largest turning rate", unit="rad/s", gt=0
@@ -143,6 +154,11 @@ class GuardSettings(LidarPlace):
                     f" {getattr(self, low):g}; lower it"
                 )
         return self
+
+    @property
+    def outline(self) -> Footprint:
+        """The footprint, polygon or disc."""
+        return footprint_of(self.radius, self.footprint)
 
     @property
     def braking(self) -> float:
