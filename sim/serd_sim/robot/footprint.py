@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import shapely
 
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
@@ -38,6 +39,12 @@ def corners_in(text: str) -> tuple[tuple[float, float], ...]:
         raise ValueError(f"{rule}, three or more, got {text}")
     corners = tuple((float(x_m), float(y_m)) for x_m, y_m in values)
     return require_simple(corners) if corners else ()
+
+
+def outline_text(text: str) -> str:
+    """The text; ValueError as of `corners_in`."""
+    corners_in(text)
+    return text
 
 
 def _is_corner(value: object) -> bool:
@@ -85,20 +92,21 @@ class Footprint:
 
     def covers(self, other: "Footprint") -> bool:
         """Whether the other outline is within this one, to a millimetre."""
-        return bool((self.gap_m(other.outline_m) <= 1e-3).all())
+        return bool((self.gap_m(other.outline_m(0.01)) <= 1e-3).all())
 
-    @property
-    def outline_m(self) -> FloatArray:
-        """(N, 2) points along the outline, at most about a centimetre apart."""
+    def outline_m(self, step_m: float) -> FloatArray:
+        """(N, 2) points along the outline, at most step_m apart, with all corners."""
         if self.is_round:
-            angle = np.linspace(-np.pi, np.pi, 720)
+            angle = np.linspace(0.0, 2.0 * np.pi, 2 + int(2.0 * np.pi * self.radius_m / step_m))
             return self.radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        share = np.linspace(0.0, 1.0, 200)[:, None]
-        return np.concatenate([start + share * (end - start) for start, end in self._edges_m])
+        line = shapely.segmentize(shapely.linearrings(self.corners_m), step_m)
+        points_m: FloatArray = shapely.get_coordinates(line)
+        return points_m
 
     @property
-    def _edges_m(self) -> FloatArray:
-        return edges_of(self.corners_m)
+    def inscribed_m(self) -> float:
+        """Radius of the largest disc round the centre that is within the outline, 0 without one."""
+        return float(np.maximum(-self.gap_m(np.zeros((1, 2))), 0.0)[0])
 
 
 @lru_cache(maxsize=16)

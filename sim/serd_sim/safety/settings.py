@@ -7,7 +7,7 @@ from pydantic import AfterValidator, model_validator
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.crowd.social_force import model_named
-from serd_sim.robot.footprint import Footprint, corners_in, footprint_of
+from serd_sim.robot.footprint import Footprint, footprint_of, outline_text
 from serd_sim.safety.scan import ZeroIs
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
@@ -16,6 +16,7 @@ _ROBOT = RobotSettings()
 #: Setting of the guard -> setting of the robot.
 _OF_ROBOT = {
     "radius": "radius_m",
+    "footprint": "footprint",
     "max_vel_x": "max_vel_x_mps",
     "max_vel_theta": "max_vel_theta_radps",
     "acc_lim_x": "acc_lim_x_mps2",
@@ -28,11 +29,6 @@ _MAP_SOURCES: tuple[Observed, ...] = ("robot_pose", "pedestrians")
 CREEP_MPS = 0.1
 #: Periods of the lidar within which two scans are expected.
 _SCAN_PERIODS = 2.5
-
-
-def _outline(text: str) -> str:
-    corners_in(text)
-    return text
 
 
 class LidarPlace(StrictModel):
@@ -56,7 +52,7 @@ class GuardSettings(LidarPlace):
         min_length=1,
     )
     radius: float = setting(_ROBOT.radius_m, "radius of a round footprint", unit="m", gt=0)
-    footprint: Annotated[str, AfterValidator(_outline)] = setting(
+    footprint: Annotated[str, AfterValidator(outline_text)] = setting(
         "",
         "corners of a footprint that is not round, as Nav2 has them: '[[x, y], ...]', in m in the"
         " frame base_link; takes the place of radius",
@@ -166,9 +162,10 @@ class GuardSettings(LidarPlace):
         return self.decel_lim_x or self.acc_lim_x
 
     def robot(self) -> RobotSettings:
-        """The robot with these limits; backward as fast as forward."""
+        """A disc with these limits; backward as fast as forward."""
         limits = {of_robot: getattr(self, name) for name, of_robot in _OF_ROBOT.items()}
         limits |= {"min_vel_x_mps": -self.max_vel_x, "decel_lim_x_mps2": self.braking}
+        limits["footprint"] = ""
         return RobotSettings(**limits)
 
     @classmethod
