@@ -168,15 +168,17 @@ class RolloutCosts:
         people_m = predict_nearby(
             observation, settings.people_range_m, settings.max_people, times_s
         )
-        here = np.array(observation.pose)[:, None]
+        x_m, y_m, yaw_rad = np.array(observation.pose)[:, None]
         now_m, later_m = people_m[..., :1], people_m[..., 1:]
-        standing_m, standing_now_m = (self._gap_m(*here, each) for each in (later_m, now_m))
+        standing_m, standing_now_m = (
+            self._gap_m(x_m, y_m, yaw_rad, each) for each in (later_m, now_m)
+        )
         return Surroundings(
             now_m,
             later_m,
             np.minimum(settings.person_margin_m, standing_m - _NO_NEARER_M),
             np.minimum(settings.stopped_margin_m, standing_now_m - _NO_NEARER_M),
-            min(self._least_wall_m, float(self._wall_distance_m(*here)[0])),
+            min(self._least_wall_m, float(self._wall_distance_m(x_m, y_m, yaw_rad)[0])),
         )
 
     def people(
@@ -199,8 +201,8 @@ class RolloutCosts:
         gap_m = self._gap_m(x_m, y_m, yaw_rad, around.later_m)
         too_close = gap_m[..., :n_soon] < around.nearest_m[:n_soon]
         if n_soon:
-            soon = (each[..., :n_soon] for each in (x_m, y_m, yaw_rad))
-            gap_now_m = self._gap_m(*soon, around.now_m)
+            soon_x, soon_y, soon_rad = (each[..., :n_soon] for each in (x_m, y_m, yaw_rad))
+            gap_now_m = self._gap_m(soon_x, soon_y, soon_rad, around.now_m)
             too_close |= gap_now_m < around.nearest_now_m
         np.maximum(gap_m, -decay_m, out=gap_m)
         gap_m /= -decay_m

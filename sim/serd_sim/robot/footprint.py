@@ -1,5 +1,6 @@
 """The outline of a robot: a disc round its centre, or a polygon as Nav2's `footprint` states it."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -50,8 +51,7 @@ def outline_text(text: str) -> str:
 def _is_corner(value: object) -> bool:
     if not isinstance(value, list) or len(value) != 2:
         return False
-    numbers = [each for each in value if isinstance(each, (int, float)) and each is not True]
-    return len(numbers) == 2 and bool(np.hypot(*numbers) <= _FARTHEST_M)
+    return all(type(each) in (int, float) for each in value) and math.hypot(*value) <= _FARTHEST_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,8 @@ class Footprint:
             gap_m: FloatArray = np.hypot(points_m[:, 0], points_m[:, 1]) - self.radius_m
             return gap_m
         away_m = distance_to_segments_m(points_m, edges_of(self.corners_m)).min(axis=1)
-        return np.where(contains(self.corners_m, points_m), -away_m, away_m)
+        signed_m: FloatArray = np.where(contains(self.corners_m, points_m), -away_m, away_m)
+        return signed_m
 
     def gaps_m(self, poses: FloatArray, points_m: FloatArray) -> FloatArray:
         """(T, N) distances of points (N, 2), or (T, N, 2) that move, at poses (T, 3)."""
@@ -98,10 +99,11 @@ class Footprint:
         """(N, 2) points along the outline, at most step_m apart, with all corners."""
         if self.is_round:
             angle = np.linspace(0.0, 2.0 * np.pi, 2 + int(2.0 * np.pi * self.radius_m / step_m))
-            return self.radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            points_m: FloatArray = self.radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            return points_m
         line = shapely.segmentize(shapely.linearrings(self.corners_m), step_m)
-        points_m: FloatArray = shapely.get_coordinates(line)
-        return points_m
+        corners_m: FloatArray = shapely.get_coordinates(line)
+        return corners_m
 
     @property
     def inscribed_m(self) -> float:

@@ -98,7 +98,7 @@ class KnownSpace:
     """Keeps the ends of rays of earlier scans where newer ones show nothing.
 
     walls_m: (W, 2, 2) segments of the map, None without one. reach_m: distance from the robot's
-    centre up to which an obstacle can matter.
+    centre up to which an obstacle can matter; both may be replaced.
     """
 
     def __init__(self, settings: GuardSettings, walls_m: FloatArray | None, reach_m: float) -> None:
@@ -262,8 +262,9 @@ def _edge_m(geometry: ScanGeometry, n_rays: int, mount: Pose, body: Footprint) -
     meet it."""
     angle = geometry.angles_rad(n_rays) + mount[2]
     if not body.is_round:
-        start_m, along_m = body.corners_m - mount[:2], np.diff(edges_of(body.corners_m), axis=1)
-        crossed_m = crossings(*start_m.T, along_m[:, 0], np.cos(angle), np.sin(angle))
+        x_m, y_m = (body.corners_m - mount[:2]).T
+        edge_m = np.diff(edges_of(body.corners_m), axis=1)[:, 0]
+        crossed_m = crossings(x_m, y_m, edge_m, np.cos(angle), np.sin(angle))
         farthest_m: FloatArray = np.where(np.isfinite(crossed_m), crossed_m, 0.0).max(axis=1)
         return farthest_m
     along_m = mount[0] * np.cos(angle) + mount[1] * np.sin(angle)
