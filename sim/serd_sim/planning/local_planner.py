@@ -185,7 +185,7 @@ class RecoveringPlanner:
         x_m = observation.x_m - _FREE_SPACE_BEHIND_M * math.cos(observation.yaw_rad)
         y_m = observation.y_m - _FREE_SPACE_BEHIND_M * math.sin(observation.yaw_rad)
         away = observation.people_position_m - np.array([x_m, y_m])
-        radius_m = self._robot.radius_m
+        radius_m = self._robot.outline.radius_m
         people_gap = np.hypot(away[:, 0], away[:, 1]) - radius_m - self._person_radius_m
         wall_gap = self._walls.at(np.array([x_m]), np.array([y_m]))[0] - radius_m
         return bool(wall_gap > 0.0 and (people_gap > 0.0).all())
