@@ -196,6 +196,10 @@ class Navigator:
         self.gave_up: GiveUp | None = None
         self.forecast: ArrivalForecast | None = None
 
+    def change(self, settings: NavigationSettings) -> None:
+        """Give up by other settings from now on; nothing else is taken from them."""
+        self.settings = self._monitor.settings = settings
+
     @property
     def reason(self) -> str:
         """Why the episode is given up; empty to go on."""

@@ -60,7 +60,9 @@ class LearnerConfig(LearningSettings, ManagedConfig):
         "", "YAML file of the topics of another robot, as of serd demos; ours when empty"
     )
     learn_on: Literal["call", "episode"] = setting(
-        "episode", "live: learn at the end of each episode, or when the service learn is called"
+        "episode",
+        "live: learn at the end of each episode, or when the service learn is called",
+        live="any",
     )
     state: str = setting("", "live: folder of checkpoints; beside the output when empty")
     output: str = setting("model.yaml", "model file to write", min_length=1)
@@ -118,7 +120,7 @@ class Learning(Activity):
         mapping: BagMapping | None,
         endpoints: Endpoints,
     ) -> None:
-        self._node, self._config = endpoints.node, endpoints.node.config
+        self._node = endpoints.node
         self._task, self._place, self._memory, self._mapping = task, place, memory, mapping
         self._topics: MappedTopics | None = None
         #: When episodes are counted again, and how many messages had come at the last end.
@@ -141,7 +143,7 @@ class Learning(Activity):
         self._models = endpoints.publisher(String, topics.MODEL, qos.LATCHED)
         endpoints.serve(Trigger, topics.LEARN, self._on_learn)
         endpoints.every(_LOOK_PERIOD_S, self._look)
-        if memory is None or (memory.unlearned and self._config.learn_on == "episode"):
+        if memory is None or (memory.unlearned and self._node.config.learn_on == "episode"):
             self._begin(anew=False)
 
     def close(self) -> None:
@@ -157,7 +159,7 @@ class Learning(Activity):
             kind = topic_type(topic, stamped_cmd_vel=False)
             take = partial(self._take, memory, topic)
             endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
-        if self._config.exit_with_publishers:
+        if self._node.config.exit_with_publishers:
             take_report = self._on_diagnostics
             endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, take_report, qos.STATE)
 
@@ -211,7 +213,7 @@ class Learning(Activity):
             self._gather_ended(memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
-        elif self._config.exit_with_publishers and not self._worker.busy:
+        elif self._node.config.exit_with_publishers and not self._worker.busy:
             self._end_with_publishers()
 
     def _end_with_publishers(self) -> None:
@@ -258,7 +260,7 @@ class Learning(Activity):
         except USER_ERRORS as error:
             self._refuse(str(error))
             return
-        self._again = self._config.learn_on == "episode" and memory.unlearned
+        self._again = self._node.config.learn_on == "episode" and memory.unlearned
 
     def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> TimedDecisions:
         decisions = memory.gather(unfinished=unfinished)
@@ -270,7 +272,7 @@ class Learning(Activity):
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
         try:
             if self._memory is not None:
-                require_enough(self._gather(self._memory, unfinished=True), self._config)
+                require_enough(self._gather(self._memory, unfinished=True), self._node.config)
         except USER_ERRORS as error:
             self._refuse(str(error))
             raise NodeError(f"not learned: {error}") from None
@@ -283,16 +285,20 @@ class Learning(Activity):
         self._begun_s = self._node.wall_s()
         memory = self._memory
         if memory is None:
-            self._worker.begin(lambda report: learn(self._task, self._read(), self._config, report))
+            self._worker.begin(
+                lambda report: learn(self._task, self._read(), self._node.config, report)
+            )
             return
         decisions, warm = memory.decisions, None if anew else memory.warm_weights
         if decisions is None:
             self._refuse("no episode has ended yet; demonstrate, then call again")
             return
-        self._worker.begin(lambda report: learn(self._task, decisions, self._config, report, warm))
+        self._worker.begin(
+            lambda report: learn(self._task, decisions, self._node.config, report, warm)
+        )
 
     def _read(self) -> TimedDecisions:
-        config, place = self._config, self._place
+        config, place = self._node.config, self._place
         decisions, report = demonstrations_of_bag(
             config.bag, place.grid, place.patience_s, place.wait_s, self._mapping_with_goal
         )
@@ -310,8 +316,8 @@ class Learning(Activity):
         return self._mapping.with_goal(scenario.goal_area_m)
 
     def _save_decisions(self, decisions: TimedDecisions) -> None:
-        if self._config.decisions:
-            save_learnable(Path(self._config.decisions), self._place, decisions)
+        if self._node.config.decisions:
+            save_learnable(Path(self._node.config.decisions), self._place, decisions)
 
     def _show(self, progress: FitProgress) -> None:
         step, wall_s = progress.step, self._node.wall_s()
@@ -336,7 +342,7 @@ class Learning(Activity):
         write_progress(Progress(text=text, done=progress.number - 1))
 
     def _conclude(self, outcome: FitOutcome) -> None:
-        save_outcome(Path(self._config.output), outcome, self._task.problem.grid)
+        save_outcome(Path(self._node.config.output), outcome, self._task.problem.grid)
         self._refusal = ""
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
@@ -344,7 +350,7 @@ class Learning(Activity):
         self._node.get_logger().info(outcome.summary())
         if outcome.traps.n_looping_cells:
             self._node.get_logger().warning(outcome.traps.sentence())
-        values = {**outcome.values(), "model": self._config.output}
+        values = {**outcome.values(), "model": self._node.config.output}
         level = OK if outcome.fit.converged else WARN
         self._node.report(0.0, values, level=level, message=outcome.fit.message)
         if self._memory is None:
@@ -357,4 +363,4 @@ class Learning(Activity):
             return
         self._refusal = reason
         self._node.get_logger().warning(f"not learned: {reason}")
-        self._node.report(0.0, {"model": self._config.output}, level=WARN, message=reason)
+        self._node.report(0.0, {"model": self._node.config.output}, level=WARN, message=reason)

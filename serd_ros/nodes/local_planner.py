@@ -38,7 +38,9 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
-    input_timeout_s: float = setting(0.5, "stop without observations", unit="s", gt=0, le=0.5)
+    input_timeout_s: float = setting(
+        0.5, "stop without observations", unit="s", live="any", gt=0, le=0.5
+    )
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -65,19 +67,25 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
     def configure(self) -> Activate:
         """Load the scenario and make the planner."""
         scenario = self.config.planned_scenario()
-        return partial(Planning, scenario, make_planner(scenario))
+        self.planner = make_planner(scenario)
+        return partial(Planning, scenario)
+
+    def check_change(self, config: LocalPlannerConfig) -> None:
+        """Refuse what no planner can be made with."""
+        config.planned_scenario()
+
+    def take_change(self, config: LocalPlannerConfig) -> None:
+        """Plan by the parameters that were set."""
+        self.planner = make_planner(config.planned_scenario())
 
 
 class Planning(Activity):
     """Converts, calls the planner's `step`, publishes `cmd_vel_raw`."""
 
-    def __init__(
-        self, scenario: Scenario, planner: RecoveringPlanner, endpoints: Endpoints
-    ) -> None:
+    def __init__(self, scenario: Scenario, endpoints: Endpoints) -> None:
         node = self._node = endpoints.node
         config = self._config = node.config
         self._scenario, self._cells = scenario, scenario.cells
-        self._planner = planner
         self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
@@ -101,6 +109,10 @@ class Planning(Activity):
         if not config.lockstep:
             endpoints.subscribe(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
             endpoints.every(scenario.control_period_s, self._stop_when_stale)
+
+    @property
+    def _planner(self) -> RecoveringPlanner:
+        return self._node.planner
 
     def deactivate(self) -> None:
         """Leave the robot standing."""
@@ -181,7 +193,7 @@ class Planning(Activity):
         silent_s, observation = self._node.wall_s() - self._heard_wall_s, self._observation
         if observation is None or not self._followed.is_given:
             return
-        if silent_s <= self._config.input_timeout_s:
+        if silent_s <= self._node.config.input_timeout_s:
             return
         text = f"no pose or people received for {silent_s:.1f} s: stopping"
         self._node.get_logger().warning(text, throttle_duration_sec=2.0)

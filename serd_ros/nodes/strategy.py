@@ -77,6 +77,7 @@ class StrategyNode(SerdNode[StrategyConfig]):
         super().__init__(kind)
         name = "" if self.config.reset else self.config.action
         self.server = action.navigate_to_pose_server(self, name, self.callbacks)
+        self._navigator: Navigator | None = None
 
     def configure(self) -> Activate:
         """Read the model and plan."""
@@ -84,9 +85,15 @@ class StrategyNode(SerdNode[StrategyConfig]):
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
         navigator = Navigator(scenario, config, waits_for_law=not config.lockstep)
+        self._navigator = navigator
         records = ArrivalRecords(Path(config.output) if config.output else None)
         file = FileWatch(config.model)
         return partial(Navigating, Plan(navigator, file, records, goal_waits=bool(config.goal)))
+
+    def take_change(self, config: StrategyConfig) -> None:
+        """Give up drives by the parameters that were set; goals are reached by them at once."""
+        if self._navigator is not None:
+            self._navigator.change(config)
 
 
 @dataclass
