@@ -8,17 +8,19 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rosbags.typesys import get_types_from_msg
 
-from serd_app.navigation.navigator import ArrivalForecast
 from serd_bag.formats.rosbag2.message_types import rosbags_types
-from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import direction_of_action
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
+
+if TYPE_CHECKING:  # all nodes import this module, and few load SciPy
+    from serd_app.navigation.navigator import ArrivalForecast
+    from serd_core.arrival.law import ArrivalLaw
 
 PACKAGE = "serd_msgs"
 REPLAYED = f"{PACKAGE}/msg/Replayed"
@@ -53,14 +55,14 @@ def to_replayed(topic: str, log_times_ns: Sequence[int]) -> bytes:
     return bytes(rosbags_types().serialize_cdr(message, REPLAYED))
 
 
-def quantiles_s(law: ArrivalLaw, shares: Sequence[float]) -> list[float]:
+def quantiles_s(law: "ArrivalLaw", shares: Sequence[float]) -> list[float]:
     """When each share has arrived; NaN where fewer ever do."""
     found = (law.quantile_s(share) for share in shares)
     return [math.nan if time_s is None else time_s for time_s in found]
 
 
 def to_arrival_forecast(
-    law: ArrivalLaw,
+    law: "ArrivalLaw",
     time_s: float,
     *,
     elapsed_s: float,
@@ -93,7 +95,7 @@ def to_arrival_forecast(
     )  # fmt: skip
 
 
-def to_decision(forecast: ArrivalForecast) -> bytes:
+def to_decision(forecast: "ArrivalForecast") -> bytes:
     """serd_msgs/Decision of a decision that has its forecast."""
     east, north = direction_of_action(forecast.action)
     return _made(

@@ -64,6 +64,10 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     config_class = LocalPlannerConfig
 
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.planner: RecoveringPlanner | None = None
+
     def configure(self) -> Activate:
         """Load the scenario and make the planner."""
         scenario = self.config.planned_scenario()
@@ -76,7 +80,8 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     def take_change(self, config: LocalPlannerConfig) -> None:
         """Plan by the parameters that were set."""
-        self.planner = make_planner(config.planned_scenario())
+        if self.planner is not None:
+            self.planner = make_planner(config.planned_scenario())
 
 
 class Planning(Activity):
@@ -112,6 +117,7 @@ class Planning(Activity):
 
     @property
     def _planner(self) -> RecoveringPlanner:
+        """The node's, which another one replaces where parameters change."""
         return self._node.planner
 
     def deactivate(self) -> None:
