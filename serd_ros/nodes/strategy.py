@@ -245,6 +245,7 @@ class Navigating(Activity):
         goal = self._goal_of_drive
         if goal is not None and result.outcome == "arrived":
             self._approach = FinalApproach(goal, self._node.config)
+            self._reporter.report_goal(goal)
         elif result.outcome == "arrived":
             self._end_goal("succeed")
         else:
@@ -519,6 +520,12 @@ class StrategyReporter:
         path = timed_path(navigator.strategy, state, self.time_s)
         if goal is not None and navigator.strategy.leads_to_goal(state):
             path.poses[-1].pose = motion.to_goal(goal, path.poses[-1].pose)
+        self._way.publish(path)
+
+    def report_goal(self, goal: GoalPose) -> None:
+        """Publish the way within the goal cell, which is the pose of the goal alone."""
+        path = motion.to_path(np.array([[goal.x_m, goal.y_m]]), self.time_s)
+        path.poses[0].pose = motion.to_goal(goal, path.poses[0].pose)
         self._way.publish(path)
 
     def report_decision(self, navigator: Navigator, observation: Observation) -> None:
