@@ -1,5 +1,7 @@
 """Work in a thread of its own, of which the newest alone counts: planning for the newest goal."""
 
+import os
+import sys
 import threading
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
@@ -9,10 +11,11 @@ from typing import Any
 class NewestJob:
     """Runs one job after the other; of those that wait, and of results, the newest alone is kept.
 
-    `begin` and `poll` are called by one thread.
+    `begin` and `poll` are called by one thread. niceness: of the thread of the jobs, on Linux.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, niceness: int = 0) -> None:
+        self._niceness = niceness
         self._lock = threading.Lock()
         self._waiting: tuple[int, Callable[[], Any]] | None = None
         self._is_running = False
@@ -45,6 +48,8 @@ class NewestJob:
                 return result
 
     def _run(self) -> None:
+        if self._niceness and sys.platform == "linux":  # where threads have one of their own
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), self._niceness)
         while True:
             with self._lock:
                 if self._waiting is None:

@@ -207,8 +207,8 @@ def _block(band: FloatArray, width: int, first: int, last: int) -> FloatArray:
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8
 #: Steps, doubled as often as needed, after which the law is constant where a later arrival has at
-#: most this probability.
-SOON, SETTLED = 512, 1e-4
+#: most this probability; where mean and deviation are known, about so many deviations.
+SOON, SETTLED, _DEVIATIONS = 512, 1e-4, 4.0
 #: Numbers per step and state that are held at once.
 _ARRAYS = 4
 #: Of matrices in order; pivots on the diagonal, which is at least the sum of the row's others.
@@ -256,7 +256,14 @@ def timed_arrival(
     checks.require_count("n_steps", n_steps, 0, "the time-out's")
     chain, laws = _timed_chain(problem, policy, parameters)
     mass = np.array([[0.0, 1.0]]) if laws is None else dwell_steps(*laws, step_s, n_steps)
-    return renewal_arrival(chain, mass, n_steps)
+    mean_s, square_s2 = _moments(chain, laws, step_s)
+    certain = np.isfinite(mean_s)
+    deviation_s = np.sqrt((square_s2[certain] - mean_s[certain] ** 2).clip(0.0))
+    late_s = (mean_s[certain] + _DEVIATIONS * deviation_s).max(initial=0.0)
+    soon = SOON
+    while soon * step_s < late_s:
+        soon *= 2
+    return renewal_arrival(chain, mass, n_steps, soon)
 
 
 def _timed_chain(
@@ -292,13 +299,21 @@ def arrival_moments(
 
     inf where it is not certain. The mean square is at least that of a law in steps of step_s.
     """
-    chain, laws = _timed_chain(problem, policy, parameters)
+    checks.require_positive("step_s", step_s, "use 0.1")
+    return _moments(*_timed_chain(problem, policy, parameters), step_s)
+
+
+def _moments(
+    chain: "RenewalChain", laws: tuple[FloatArray, FloatArray] | None, step_s: float
+) -> tuple[FloatArray, FloatArray]:
     mean_s, shape = (np.full(1, step_s), np.full(1, np.inf)) if laws is None else laws
     square_s2 = mean_s**2 * (1.0 + 1.0 / shape) + step_s**2 / 4.0
     onward = _onward(chain.matrix().tocsr(), chain.goal)
     certain = ~can_reach(onward, ~can_reach(onward, chain.goal))
     inner = np.flatnonzero(certain & ~chain.goal)
     first, second = np.where(certain, 0.0, np.inf), np.where(certain, 0.0, np.inf)
+    if not len(inner):
+        return first, second
     matrix = chain.matrix()[:, inner][inner, :]
     factor = splu(scipy.sparse.csc_array(scipy.sparse.identity(len(inner)) - matrix))
 
@@ -330,8 +345,13 @@ def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: i
     return np.asarray(mass.clip(0.0, 1.0))
 
 
-def renewal_arrival(chain: RenewalChain, mass: FloatArray, n_steps: int) -> ArrivalByState:
-    """The arrival by a chain; moves of class c take j steps with the probability mass[c, j]."""
+def renewal_arrival(
+    chain: RenewalChain, mass: FloatArray, n_steps: int, soon: int = SOON
+) -> ArrivalByState:
+    """The arrival by a chain; moves of class c take j steps with the probability mass[c, j].
+
+    soon: steps that are tried first, see `SOON`.
+    """
     size = n_steps + 1
     checks.require_memory(
         f"arrival within {n_steps} steps from each of {len(chain.goal)} states",
@@ -339,7 +359,7 @@ def renewal_arrival(chain: RenewalChain, mass: FloatArray, n_steps: int) -> Arri
         "take an earlier time-out, longer steps or larger cells",
     )
     ever = probability_of_ever_arriving(chain.matrix().tocsr(), chain.goal)
-    system, soon = _Equations(chain), min(size, SOON)
+    system, soon = _Equations(chain), min(size, soon)
     cdf = _arrived(system, mass, soon)
     while soon < size and np.any(ever - cdf[-1] > SETTLED):
         soon = min(2 * soon, size)

@@ -50,6 +50,8 @@ from serd_sim.world.waypoint import REPEAT_PERIOD_S, Waypoint, heading_to, waypo
 _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"
 _ATTEND_PERIOD_S, _FEEDBACK_PERIOD_S = 0.02, 0.2
+#: The law of arrival may take seconds; what drives the robot goes before.
+_LAW_NICENESS = 10
 
 
 class StrategyConfig(ApproachSettings, NavigationSettings, DriverConfig):
@@ -136,7 +138,10 @@ class Navigating(Activity):
         #: A goal in a frame that /tf has not had yet.
         self._early: tuple[PoseStamped, ActionGoal | None] | None = None
         self._approach: FinalApproach | None = None
-        self._plans, self._laws, self._fed_back_wall_s = NewestJob(), NewestJob(), 0.0
+        self._plans, self._laws = NewestJob(), NewestJob(niceness=_LAW_NICENESS)
+        self._fed_back_wall_s = 0.0
+        #: The plan whose law is known or being computed.
+        self._law_of: Strategy | None = None
         self._waypoints = endpoints.publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._reporter = StrategyReporter(endpoints)
         scenario = plan.navigator.strategy.scenario
@@ -150,7 +155,6 @@ class Navigating(Activity):
         )  # fmt: skip
         if not config.lockstep:
             endpoints.every(REPEAT_PERIOD_S, self._repeat_waypoint)
-            self._begin_law()
         endpoints.every(_ATTEND_PERIOD_S, self._attend)
         endpoints.subscribe(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         endpoints.subscribe(String, topics.MODEL, self._on_model, qos.LATCHED)
@@ -175,6 +179,7 @@ class Navigating(Activity):
 
     def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
+        self._begin_law()
         cells = self._navigator.strategy.scenario.cells
         self._waypoint = waypoint_of_intent(cells, observation, action)
         self._publish_waypoint(observation)
@@ -370,16 +375,17 @@ class Navigating(Activity):
         if is_new:
             self._records.discard_prediction()
             self.runner.set_scenario(planned.strategy.scenario)
-            if not self._config.lockstep:
-                self._begin_law()
         self._reporter.report_plan(planned.strategy, planned.what, planned.began_s)
         goal, self._asked = self._asked, None
         if goal is not None:
             self._begin_drive(goal)
 
     def _begin_law(self) -> None:
+        """Compute the law of arrival of the plan that is driven, once."""
         strategy = self._navigator.strategy
-        self._laws.begin(lambda: strategy.arrival)
+        if strategy is not self._law_of and not self._config.lockstep:
+            self._law_of = strategy
+            self._laws.begin(lambda: strategy.arrival)
 
     def _refuse_plan(self, error: Exception) -> None:
         """The plan stays, for the goal that it is for."""
