@@ -81,16 +81,17 @@ class Strategy:
     @cached_property
     def mean_s(self) -> FloatArray:
         """(S,) mean remaining time; that of the time until the time-out where none is certain."""
-        mean_s = self._moments(self.policy)[0]
+        mean_s, _ = self._moments(self.policy)
         if np.isfinite(mean_s).all():
             return mean_s
         return np.where(np.isfinite(mean_s), mean_s, STEP_S * self.arrival.mean_steps)
 
-    def _moments(self, policy: Policy) -> FloatArray:
-        """(2, S) mean and mean square of the remaining time over the draws."""
+    def _moments(self, policy: Policy) -> tuple[FloatArray, FloatArray]:
+        """(S,) mean and (S,) mean square of the remaining time over the draws."""
         chains, chosen = self.draws[:MOST_DRAWS], policy.probabilities
         moments = [arrival_moments(self.problem, chosen, each, STEP_S) for each in chains]
-        return np.asarray(np.mean(moments, axis=0))
+        mean_s, square_s2 = np.mean(moments, axis=0)
+        return np.asarray(mean_s), np.asarray(square_s2)
 
     def _likely(self, policy: Policy) -> BoolArray:
         """(S,) where a policy arrives before the time-out; by the law where moments leave it open.
