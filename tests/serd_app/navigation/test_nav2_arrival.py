@@ -93,7 +93,7 @@ def test_nav2_reaches_every_goal_whatever_its_tolerance(
     sized = {"cell_size_m: 1.0": f"cell_size_m: {cell_size_m}"}
     place = str(changed_scenario(tmp_path, "hallway", sized))
     settings = NavigationSettings(model=str(save_model_of(place)), timeout_s=LONGEST_S)
-    navigator = Navigator(load_scenario(place), settings)
+    navigator = Navigator(load_scenario(place), settings, waits_for_law=True)
     server, rng = Nav2Server(), np.random.default_rng(0)
     goals = Nav2Goals(server, lambda to, _: tuple(to), timeout_s=1.0, tolerance_m=tolerance_m)
     robot = Robot(server, tolerance_m, 1.5, 1.5)
