@@ -14,6 +14,8 @@ from serd_sim.world.waypoint import Waypoint
 #: The approach is given up where the robot is no nearer for so long (s).
 _PATIENCE_S = 15.0
 _NEARER_M, _NEARER_RAD = 0.02, 0.05
+#: Whoever drives the robot has ended its way where it is no faster.
+_STANDING_MPS = 0.1
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ class FinalApproach:
         if heading_rad is None:
             heading_rad = observation.yaw_rad
         error_rad = abs(math.remainder(heading_rad - observation.yaw_rad, math.tau))
-        if not self._is_there and away_m <= self._settings.xy_goal_tolerance:
+        stands = abs(observation.speed_mps) <= _STANDING_MPS
+        if not self._is_there and stands and away_m <= self._settings.xy_goal_tolerance:
             self._is_there, self._nearest = True, math.inf
         if self._is_there and error_rad <= self._settings.yaw_goal_tolerance:
             return None
