@@ -122,9 +122,11 @@ class Probe:
         return found
 
     def send_goal(self, x_m: float, y_m: float) -> None:
-        """Publish a goal once a node subscribes to it."""
+        """Publish a goal without a heading once a node subscribes to it."""
         self.spin_until(self._goals.get_subscription_count)
-        self._goals.publish(to_pose_stamped((x_m, y_m, 0.0), 0.0))
+        goal = to_pose_stamped((x_m, y_m, 0.0), 0.0)
+        goal.pose.orientation.w = 0.0
+        self._goals.publish(goal)
 
     def spin_until(
         self, condition: Callable[[], object], *, seen: Callable[[], object] = lambda: ""

@@ -78,6 +78,8 @@ def test_a_robot_with_stamps_of_its_own_reaches_its_goals(
     assert goals.ends == ["arrived"] * N_GOALS
     assert "internal error" not in logs()
     if follow == "nav2":
+        # From the cell of its last goal it goes on to the place of it.
+        wait_until(lambda: " turned " in nodes.log_of("standin_robot"), seen=logs)
         found = re.findall(r"goal \d+ turned (\S+)", nodes.log_of("standin_robot"))
         turns_rad = [float(each) for each in found]
         assert len(turns_rad) >= 1

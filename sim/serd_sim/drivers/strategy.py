@@ -19,8 +19,14 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.arriving_policy import ArrivingPolicy, Traps, arriving_policy
-from serd_core.arrival.chain import ArrivalByState, timed_arrival
+from serd_core.arrival.arriving_policy import (
+    TRAP_PROBABILITY,
+    ArrivingPolicy,
+    Traps,
+    arriving_policy,
+    likely_by_moments,
+)
+from serd_core.arrival.chain import ArrivalByState, arrival_moments, timed_arrival
 from serd_core.arrival.law import ArrivalLaw, steps_within
 from serd_core.bayes.laplace import averaged_policy
 from serd_core.errors import SerdError
@@ -64,16 +70,41 @@ class Strategy:
 
     @cached_property
     def driven(self) -> ArrivingPolicy:
-        """The policy to drive, with its arrival, and what is trapped."""
+        """The policy to drive, and what is trapped."""
         model = require_timed(self.problem.mdp.transitions)
         return arriving_policy(
             self.problem,
             self.learned,
             model.outcomes.local_probabilities(self.draws).mean(axis=0),
             np.mean([model.expected_seconds(each) for each in self.draws], axis=0),
-            lambda policy: ArrivalByState.average(self._arrival_of_draws(policy)),
-            self.n_steps,
+            self._likely,
         )
+
+    @cached_property
+    def mean_s(self) -> FloatArray:
+        """(S,) mean remaining time; that of the time until the time-out where none is certain."""
+        mean_s, _ = self._moments(self.policy)
+        if np.isfinite(mean_s).all():
+            return mean_s
+        return np.where(np.isfinite(mean_s), mean_s, STEP_S * self.arrival.mean_steps)
+
+    def _moments(self, policy: Policy) -> tuple[FloatArray, FloatArray]:
+        """(S,) mean and (S,) mean square of the remaining time over the draws."""
+        chains, chosen = self.draws[:MOST_DRAWS], policy.probabilities
+        moments = [arrival_moments(self.problem, chosen, each, STEP_S) for each in chains]
+        mean_s, square_s2 = np.mean(moments, axis=0)
+        return np.asarray(mean_s), np.asarray(square_s2)
+
+    def _likely(self, policy: Policy) -> BoolArray:
+        """(S,) where a policy arrives before the time-out; by the law where moments leave it open.
+
+        The law of a large map takes a hundred times as long.
+        """
+        found = likely_by_moments(*self._moments(policy), STEP_S * self.n_steps)
+        if found.all():
+            return found
+        law = ArrivalByState.average(self._arrival_of_draws(policy))
+        return np.asarray(law.within(self.n_steps) >= TRAP_PROBABILITY)
 
     @property
     def policy(self) -> Policy:
@@ -91,9 +122,14 @@ class Strategy:
         return self.driven.traps
 
     @property
+    def has_law(self) -> bool:
+        """Whether `arrival` is known; on a large map it takes seconds."""
+        return "arrival" in self.__dict__
+
+    @cached_property
     def arrival(self) -> ArrivalByState:
         """The remaining time from every state, up to the time-out, in steps of `STEP_S`."""
-        return self.driven.arrival
+        return ArrivalByState.average(self._arrival_of_draws(self.policy))
 
     @property
     def n_steps(self) -> int:
@@ -124,14 +160,24 @@ class Strategy:
             )
         return self._arrivals[policy]
 
-    def intended_path_m(self, state: int) -> FloatArray:
-        """(N, 2) centres of the cells of the greedy policy, up to the goal or a repetition."""
+    def intended_path(self, state: int) -> IntArray:
+        """(N,) the cells of the greedy policy from one on, up to the goal or a repetition."""
         grid, path = self.problem.grid, [state]
-        while True:
+        goals = set(self.problem.goal_states.tolist())
+        while path[-1] not in goals:
             following = int(grid.neighbours[path[-1], self.policy.greedy[path[-1]]])
             if following in path:
-                return np.asarray(grid.centers_m[path], dtype=np.float64)
+                break
             path.append(following)
+        return np.array(path)
+
+    def leads_to_goal(self, state: int) -> bool:
+        """Whether the intended path of a cell ends in the goal."""
+        return bool(np.isin(self.intended_path(state)[-1], self.problem.goal_states))
+
+    def intended_path_m(self, state: int) -> FloatArray:
+        """(N, 2) the centres of these cells."""
+        return np.asarray(self.problem.grid.centers_m[self.intended_path(state)], dtype=np.float64)
 
 
 def load_strategy(
