@@ -53,7 +53,7 @@ class Client:
 @pytest.fixture
 def driving(nodes, probe, start_robot, save_model_of):
     """The client of a robot that drives by stack `robot`, and the logs of both."""
-    start_robot("--period", 0.08)
+    start_robot()
     nodes.start_stack("robot", model=str(save_model_of()), strategy__patience_decisions=0)
 
     def logs():

@@ -79,17 +79,22 @@ class Footprint:
         signed_m: FloatArray = np.where(contains(self.corners_m, points_m), -away_m, away_m)
         return signed_m
 
-    def gaps_m(self, poses: FloatArray, points_m: FloatArray) -> FloatArray:
-        """(T, N) distances of points (N, 2), or (T, N, 2) that move, at poses (T, 3)."""
+    def gaps_m(
+        self, poses: FloatArray, points_m: FloatArray, exact_below_m: float = np.inf
+    ) -> FloatArray:
+        """(T, N) distances of points (N, 2), or (T, N, 2) that move, at poses (T, 3).
+
+        exact_below_m: distances from there on may be smaller than they are, but not below it.
+        """
         away_m = points_m - poses[:, None, :2]
+        gaps_m: FloatArray = np.hypot(away_m[..., 0], away_m[..., 1]) - self.radius_m
         if self.is_round:
-            gaps_m: FloatArray = np.hypot(away_m[..., 0], away_m[..., 1]) - self.radius_m
             return gaps_m
-        cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
-        ahead_m = cos * away_m[..., 0] + sin * away_m[..., 1]
-        aside_m = cos * away_m[..., 1] - sin * away_m[..., 0]
-        points = np.stack([ahead_m, aside_m], axis=-1)
-        return self.gap_m(points.reshape(-1, 2)).reshape(points.shape[:2])
+        near = gaps_m < exact_below_m
+        turned = np.broadcast_to(poses[:, 2, None], near.shape)[near]
+        (x_m, y_m), cos, sin = away_m[near].T, np.cos(turned), np.sin(turned)
+        gaps_m[near] = self.gap_m(np.stack([cos * x_m + sin * y_m, cos * y_m - sin * x_m], axis=1))
+        return gaps_m
 
     def covers(self, other: "Footprint") -> bool:
         """Whether the other outline is within this one, to a millimetre."""

@@ -194,7 +194,7 @@ class CollisionMonitor:
         standing_m = standing_m[near]
         if len(standing_m) < self._settings.min_points:
             return False
-        gap_m = body.gaps_m(path.poses, obstacles.points_m[near])
+        gap_m = body.gaps_m(path.poses, obstacles.points_m[near], float(margins_m[-1, 0]))
         # Along a wall that is nearer than the margin, the robot may keep its distance to it. A
         # corner that turns to it may not: by noise it would come nearer scan by scan.
         nearest_m = float(standing_m.min()) if path.length_m > 0.0 else math.inf
@@ -219,7 +219,8 @@ class CollisionMonitor:
         later_m = obstacles.people_m[near, None] + moved_m
         later_m = np.swapaxes(later_m, 0, 1)  # (times, people, 2)
         standing_m, gap_m = (
-            body.gaps_m(poses, later_m) - settings.person_radius
+            body.gaps_m(poses, later_m, settings.collision_margin + settings.person_radius)
+            - settings.person_radius
             for poses in (np.zeros_like(path.poses), path.poses)
         )
         limit_m = np.minimum(settings.collision_margin, standing_m - _ROUNDING_M)

@@ -44,6 +44,8 @@ _LOST_RAYS = 3
 _BESIDE = 2
 #: Ends that nothing shows any more are remembered for this time (s).
 _REMEMBERED_S = 10.0
+#: Of what has left the view one place is remembered in each square of this side (m).
+_SQUARE_M = 0.02
 #: An obstacle stays for this time (s) where a ray that met it turns free.
 _HELD_S = 0.5
 #: The lidar looks in a direction where it has a ray within this angle (rad).
@@ -142,6 +144,7 @@ class KnownSpace:
         is_recent = age_s <= _REMEMBERED_S
         # What the robot has turned away from, or driven past.
         left = ~inside & ends.is_solid & is_recent & (away_m <= self.reach_m)
+        left = _thinned(ends.place_m, left)
         left_m = np.maximum(away_m - settings.person_speed * age_s, 0.0)
         along_blind = inside & blind[ray]
         end_m = np.where(free, scan.geometry.range_max_m, scan.ranges_m.astype(np.float64))
@@ -272,6 +275,17 @@ def _edge_m(geometry: ScanGeometry, n_rays: int, mount: Pose, body: Footprint) -
     return np.where(
         squared > 0.0, np.maximum(np.sqrt(np.maximum(squared, 0.0)) - along_m, 0.0), 0.0
     )
+
+
+def _thinned(place_m: FloatArray, chosen: BoolArray) -> BoolArray:
+    """(N,) of the chosen places the last one in each square of `_SQUARE_M`."""
+    if not chosen.any():
+        return chosen
+    rows = chosen.nonzero()[0][::-1]
+    east, north = np.floor(place_m[rows].T / _SQUARE_M).astype(np.int64)
+    thinned = np.zeros_like(chosen)
+    thinned[rows[np.unique(east * 2**31 + north, return_index=True)[1]]] = True
+    return thinned
 
 
 def _in_reach(away_m: FloatArray, scan: Scan) -> BoolArray:
