@@ -1,4 +1,4 @@
-"""`serd-bag`: info, check, recover and convert on any machine, without ROS.
+"""`serd-bag`: rescue, inspect, check, cut, merge and compare recordings, without ROS.
 
 Exit codes: `EXIT_CODES` of the commands, 130 interrupted.
 """
@@ -17,10 +17,11 @@ from serd_bag.command.commands import (
     EXIT_CODES,
     Page,
     convert_bags,
-    recover_bags,
+    rescue_bags,
     show_checks,
     show_contents,
 )
+from serd_bag.command.texts import TEXTS
 from serd_bag.errors import FileError, printable
 from serd_bag.standard_output import written_output
 
@@ -33,7 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     exit_code = 0
     try:
         with written_output():
-            exit_code = _done(_parser().parse_args(arguments))
+            words = sys.argv[1:] if arguments is None else [*arguments]
+            if words[:1] == ["recover"]:
+                raise FileError("recover is now called rescue; run 'serd-bag rescue BAG'")
+            exit_code = _done(_parser().parse_args(words))
     except FileError as error:
         print(f"serd-bag: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -74,40 +78,38 @@ class PlainScreen:
 def _done(given: argparse.Namespace) -> int:
     screen = PlainScreen(as_json=given.json)
     if given.command == "info":
-        return show_contents(given.bags, screen)
+        return show_contents(given.bags, screen, sizes=given.sizes)
     if given.command == "check":
         return show_checks(given.bags, given.require, screen)
-    if given.command == "recover":
-        return recover_bags(given.bags, given.output, screen)
+    if given.command == "rescue":
+        return rescue_bags(given.bags, given.output, screen, doubtful=not given.verified_only)
     return convert_bags(given.bags, given.output, given.compression, screen)
 
 
 def _parser() -> argparse.ArgumentParser:
-    description = "Inspect and repair recordings."
+    description = "Rescue, inspect and rewrite recordings."
     parser = argparse.ArgumentParser(prog="serd-bag", description=description, epilog=EXIT_CODES)
     add = partial(
         parser.add_subparsers(dest="command", required=True, metavar="COMMAND").add_parser,
         epilog=EXIT_CODES,
     )
     shared = argparse.ArgumentParser(add_help=False)
-    shared.add_argument(
-        "bags", metavar="BAG", nargs="+", type=Path, help="bag folder, or .mcap, .db3 or .bag file"
-    )
-    shared.add_argument("--json", action="store_true", help="print JSON instead of text")
+    shared.add_argument("bags", metavar="BAG", nargs="+", type=Path, help=TEXTS["bags"])
+    shared.add_argument("--json", action="store_true", help=TEXTS["json"])
     written = argparse.ArgumentParser(add_help=False)
-    written.add_argument("--output", type=Path, help="folder of the new bag")
-    add("info", parents=[shared], help="show what bags hold")
-    check = add("check", parents=[shared], help="read bags completely and list their faults")
+    written.add_argument("--output", type=Path, help=TEXTS["output"])
+    rescue = add("rescue", parents=[shared, written], help=TEXTS["rescue"])
+    rescue.add_argument("--verified-only", action="store_true", help=TEXTS["verified_only"])
+    info = add("info", parents=[shared], help=TEXTS["info"])
+    info.add_argument("--sizes", action="store_true", help=TEXTS["sizes"])
+    check = add("check", parents=[shared], help=TEXTS["check"])
     check.add_argument(
-        "--require", action="append", default=[], metavar="TOPIC", help="that must have messages"
+        "--require", action="append", default=[], metavar="TOPIC", help=TEXTS["require"]
     )
-    add(
-        "recover",
-        parents=[shared, written],
-        help="write the readable messages of a damaged bag as a new bag, BAG_recovered",
+    convert = add("convert", parents=[shared, written], help=TEXTS["convert"])
+    convert.add_argument(
+        "--compression", choices=("none", "zstd"), default="none", help=TEXTS["compression"]
     )
-    convert = add("convert", parents=[shared, written], help="write a sound bag as MCAP, BAG_mcap")
-    convert.add_argument("--compression", choices=("none", "zstd"), default="none")
     return parser
 
 
