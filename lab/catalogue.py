@@ -71,6 +71,7 @@ BENCHMARKS = {
         ("learning", "learning_peers", "the same optimum against econirl, imitation, QuantEcon"),
         ("learning", "scarce_data", "SERD and IRL from 1 to 50 demonstrations in fresh worlds"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
+        ("recordings", "broken_bags", "messages saved of broken recordings, against two libraries"),
         ("", "speed_figure", "the figure of the speed comparisons, from their results"),
     )
 }

@@ -46,6 +46,7 @@ KEPT = (
     Kept("detour", "summary.csv", "detour.png"),
     Kept("people", "summary.csv", "people.png"),
     Kept("durations", "summary.csv"),
+    Kept("broken-bags", "saved.csv"),
     Kept("speed", figure="speed.png"),
 )
 

@@ -91,7 +91,7 @@ class BagReader:
         self.topics: dict[str, Topic] = {}
         for channel in self._channels:
             if channel.topic not in self.topics:
-                self.topics[channel.topic] = _topic(channel)
+                self.topics[channel.topic] = topic_read(channel)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics (full names), None for all, in the order of the files.
@@ -99,18 +99,12 @@ class BagReader:
         Those of ROS 1 become the ROS 2 messages of the same fields; no others are changed.
         """
         n_broken = 0
-        for channel, _, data, log_time_ns, publish_time_ns in self.records(topics):
-            type_name = channel.type_name
-            if channel.encoding == ROS1:
-                from serd_bag.formats.ros1.conversion import converted, converted_topic
-
-                made = converted(channel, data)
-                if made is None:
-                    n_broken += 1
-                    continue
-                data, type_name = made, converted_topic(channel).type_name
-            # NamedTuple's own constructor takes twice as long.
-            yield _MAKE(RawMessage, (channel.topic, type_name, data, log_time_ns, publish_time_ns))
+        for record in self.records(topics):
+            message = message_of(record)
+            if message is None:
+                n_broken += 1
+            else:
+                yield message
         if n_broken:
             what = f"{n_broken} messages do not fit the definition of their type"
             self._report([Damage(self.path, None, what)])
@@ -220,7 +214,23 @@ def _parts_of(file: Path, path: Path) -> "Sequence[Part | None]":
     return recordings_in(path, kind) or ([None] if kind else [])
 
 
-def _topic(channel: Channel) -> Topic:
+def message_of(record: Record) -> RawMessage | None:
+    """The message of a record, of ROS 1 in CDR; None where it does not fit its definition."""
+    channel, _, data, log_time_ns, publish_time_ns = record
+    type_name = channel.type_name
+    if channel.encoding == ROS1:
+        from serd_bag.formats.ros1.conversion import converted, converted_topic
+
+        made = converted(channel, data)
+        if made is None:
+            return None
+        data, type_name = made, converted_topic(channel).type_name
+    # NamedTuple's own constructor takes twice as long.
+    return _MAKE(RawMessage, (channel.topic, type_name, data, log_time_ns, publish_time_ns))
+
+
+def topic_read(channel: Channel) -> Topic:
+    """The topic of a channel as its messages are read, of ROS 1 that of ROS 2."""
     if channel.encoding != ROS1:
         return topic_of(channel)
     from serd_bag.formats.ros1.conversion import converted_topic

@@ -99,6 +99,72 @@ def convert_bags(
     return _shown(map(_rewrite_page, found), screen)
 
 
+def cut_bags(given: Any, screen: Screen) -> int:
+    """`cut` and `merge`: write selected messages of bags as one new bag."""
+    from serd_bag.verbs.cut import Selection, cut
+
+    if given.command == "cut" and len(given.bags) > 1:
+        raise BagError(f"cut must have one BAG, got {len(given.bags)}; merge takes several")
+    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
+    report = cut(
+        given.bags,
+        given.output or beside(given.bags[0], "cut" if given.command == "cut" else "merged"),
+        selection,
+        split_bytes=None if given.split_mb is None else round(given.split_mb * 1e6),
+        sort=given.sort,
+        compression=given.compression,
+    )
+    return _shown([_rewrite_page(report)], screen)
+
+
+def print_messages(given: Any) -> int:
+    """`cat`: print messages as JSON lines or CSV."""
+    from serd_bag.reader import BagReader
+    from serd_bag.verbs.cut import Selection
+    from serd_bag.verbs.text import csv_lines, json_lines
+
+    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
+    reader = BagReader(given.bags[0])
+    columns = given.columns and given.columns.split(",")
+    lines = csv_lines(reader, selection, columns) if columns else json_lines(reader, selection)
+    for line in lines:
+        print(line)
+    return COMPLETE
+
+
+def show_difference(first: Path, second: Path, screen: Screen) -> int:
+    """`diff`: show how two bags differ."""
+    from serd_bag.verbs.difference import difference
+
+    topics = [topic for topic in difference(first, second) if not topic.is_same]
+    rows = [
+        (
+            *(topic.name, str(topic.n_same), str(topic.n_only_first), str(topic.n_only_second)),
+            "-" if topic.first_s is None else f"{topic.first_s:.3f}",
+            ", ".join(topic.others),
+        )
+        for topic in topics
+    ]
+    columns = ("topic", "same", "only\nfirst", "only\nsecond", "from\n[s]", "also")
+    verdict = f"{counted(len(topics), 'topic')} differ" if topics else "no difference"
+    values = {"first": first, "second": second, "topics": [asdict(topic) for topic in topics]}
+    code = INCOMPLETE if topics else COMPLETE
+    page = Page(f"{first} and {second}: {verdict}", columns, rows, values, code, texts=(0, 5))
+    return _shown([page], screen)
+
+
+def reindex_bags(bags: Sequence[Path], screen: Screen) -> int:
+    """`reindex`: write summaries and metadata.yaml anew."""
+    from serd_bag.verbs.reindex import reindex
+
+    def page(bag: Path) -> Page:
+        n_messages = reindex(bag)
+        heading = f"{bag}: {counted(n_messages, 'message')}"
+        return Page(heading, (), [], {"path": bag, "n_messages": n_messages}, COMPLETE)
+
+    return _shown(map(page, bags), screen)
+
+
 def _require_one(bags: Sequence[Path], output: Path | None) -> None:
     if output is not None and len(bags) > 1:
         raise BagError(f"--output must be left out for several bags, got {output}; run each")
@@ -128,7 +194,7 @@ def _shown(pages: Iterable[Page], screen: Screen) -> int:
 
 def _contents_page(found: "BagContents") -> Page:
     """A row per topic: type, messages, rate and, where they are known, bytes."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (topic.name, topic.type_name, str(topic.n_messages), _rate(topic.mean_hz))
         for topic in found.topics
     ]

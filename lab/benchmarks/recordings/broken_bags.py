@@ -1,14 +1,17 @@
 """Broken recordings: messages that `serd-bag rescue`, the plain readers and rosbags save of each.
 
 Every kind of damage is done to the bytes of one recording in each format. A message counts where
-topic, log time and payload are those that were recorded, bit for bit; `wrong` are the others. A
-plain reader is the stream reader of `mcap`, SQLite itself, and a walk of twenty lines along the
-records of a ROS 1 bag; rosbags gets the metadata.yaml of the sound bag.
+topic, log time and payload are those that were recorded, bit for bit; the others are wrong.
+`rescue` marks what a damaged part seems to hold. Where a format has no checksums, as sqlite3, ROS 1
+and MCAP without chunks, no reader can find changed bytes within a message. A plain reader is the
+stream reader of `mcap`, SQLite itself, and a walk of twenty lines along the records of a ROS 1 bag;
+rosbags gets the metadata.yaml of the sound bag.
 """
 
 import sqlite3
 import struct
 import tempfile
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from functools import cache
@@ -24,7 +27,10 @@ from rosbags.rosbag1.writer import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
+from lab import RESULTS
 from lab.benchmarks.report import Row, save
+from serd_bag.errors import BagError
+from serd_bag.files import atomic_write_text
 from serd_bag.formats.rosbag2.layout import (
     FILE_NAME,
     ROOT_KEY,
@@ -307,11 +313,24 @@ def _rosbags(file: Path) -> Iterator[Message]:
             yield connection.topic, time_ns, bytes(data)
 
 
-def _ours(file: Path) -> Iterator[Message]:
-    with tempfile.TemporaryDirectory() as folder:
-        rescue(file, Path(folder) / "saved")
+def _ours(file: Path) -> tuple[set[Message], set[Message]]:
+    """What `rescue` saves, and what it marks as doubtful."""
+    saved: tuple[set[Message], set[Message]] = set(), set()
+    with tempfile.TemporaryDirectory() as folder, suppress(BagError):
+        topics = rescue(file, Path(folder) / "saved").topics
+        marked = {
+            (topic.name, number)
+            for topic in topics
+            for first, last in topic.doubtful
+            for number in range(first, last + 1)
+        }
+        counts: Counter[str] = Counter()
         for record in BagReader(Path(folder) / "saved").records():
-            yield record.channel.topic, record.log_time_ns, record.data
+            topic = record.channel.topic
+            found = saved[(topic, counts[topic]) in marked]
+            found.add((topic, record.log_time_ns, record.data))
+            counts[topic] += 1
+    return saved
 
 
 def _saved(read: Callable[[Path], Iterator[Message]], file: Path) -> set[Message]:
@@ -323,31 +342,36 @@ def _saved(read: Callable[[Path], Iterator[Message]], file: Path) -> set[Message
 
 
 def run() -> None:
-    """Measure in a temporary folder."""
+    """Measure in a temporary folder; the table is saved.csv in lab/results/broken-bags."""
     rows = [row for kind in KINDS for row in rows_of(kind)]
     save("broken_bags", "Messages saved of broken recordings", rows)
+    lines = [",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)]
+    atomic_write_text(RESULTS / "broken-bags" / "saved.csv", "\n".join(lines) + "\n")
 
 
 def rows_of(kind: str) -> list[Row]:
-    """A row per format."""
+    """A row per format: messages of it that were saved, and the wrong ones."""
     rows: list[Row] = []
     for name in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
-            source, content = _sound(name, Path(folder))
+            source = FORMATS[name](Path(folder))
             truth = set(recorded())
             if source.suffix == _ROS1:
                 truth = {(topic, time_ns, _of_ros1(data)) for topic, time_ns, data in truth}
+            content = source.read_bytes()
             source.write_bytes(KINDS[kind](content, np.random.default_rng(7)))
-            row: dict[str, object] = {"damage": kind, "format": name, "recorded": len(truth)}
-            for reader, read in (("serd-bag", _ours), ("plain", _plain), ("rosbags", _rosbags)):
+            vouched, doubtful = _ours(source)
+            row: dict[str, object] = {
+                "damage": kind,
+                "format": name,
+                "recorded": len(truth),
+                "serd-bag": len(truth & (vouched | doubtful)),
+                "wrong and not marked": len(vouched - truth),
+                "wrong and marked": len(doubtful - truth),
+            }
+            for reader, read in (("plain", _plain), ("rosbags", _rosbags)):
                 found = _saved(read, source)
                 row[reader] = len(truth & found)
                 row[f"{reader}: wrong"] = len(found - truth)
             rows.append(row)
     return rows
-
-
-def _sound(name: str, folder: Path) -> tuple[Path, bytes]:
-    """Write a sound recording of a format; returns its file and the content of that."""
-    source = FORMATS[name](folder)
-    return source, source.read_bytes()
