@@ -150,7 +150,7 @@ def _run(given: argparse.Namespace, screen: PlainScreen) -> int:
     if given.command == "cat":
         return print_messages(given)
     if given.command == "diff":
-        return show_difference(*given.bags, screen)
+        return show_difference(given.bags[0], given.bags[1], screen)
     if given.command == "reindex":
         return reindex_bags(given.bags, screen)
     return cut_bags(given, screen)

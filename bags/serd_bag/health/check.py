@@ -1,12 +1,13 @@
 """Checks of a whole recording: damage, counts, gaps, clocks.
 
-The stamp of a message is that of the std_msgs/Header it begins with; its log time is when the
-recorder received it. Stamps that step back, jump or drift against the log times indicate two
-clocks. These are compared by delay = log time - stamp. A late message has a long delay; the least
-delay within a second changes only where a clock jumps or runs at another rate. (NTP filters clocks
-likewise: RFC 5905, section 10.)
+The stamp of a message is that of the std_msgs/Header it begins with, or of the first element of the
+array it begins with; its log time is when the recorder received it. Stamps that step back, jump or
+drift against the log times indicate two clocks. These are compared by delay = log time - stamp. A
+late message has a long delay; the least delay within a second changes only where a clock jumps or
+runs at another rate. (NTP filters clocks likewise: RFC 5905, section 10.)
 """
 
+import re
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -19,7 +20,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
 from serd_bag.formats.rosbag2.message_types import message_type
-from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.messages.plain import CDR_HEAD, message_stamp_ns
 from serd_bag.messages.times import AGREEMENT_S, FloatArray
 from serd_bag.quantities import counted
 from serd_bag.reader import BagReader
@@ -40,6 +41,7 @@ _CLEAR = 5.0
 _MOST_COMPARED = 1_000_000
 #: Characters of a definition in which its first field is sought.
 _LONGEST_BEGINNING = 20_000
+_HEADERS = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 _NO_CHECKSUMS = (
     "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd bag convert'"
     " adds checksums"
@@ -214,7 +216,7 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     """
     reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
-    stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
+    places = {name: _stamp_place(topic) for name, topic in reader.topics.items()}
     faults: list[str] = []
     further: Counter[str] = Counter()
     n_compared = n_untimed = 0
@@ -227,8 +229,9 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
             n_compared += 1
             logs, stamps = times[message.topic]
             logs.append(message.log_time_ns)
-            if stamped[message.topic]:
-                stamps.append(_stamp_ns(message.data))
+            place = places[message.topic]
+            if place is not None:
+                stamps.append(_stamp_ns(message.data, place))
     except BagError as error:
         faults.append(str(error))
     faults += [each.sentence() for each in reader.damage]
@@ -308,23 +311,44 @@ def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _has_header(topic: Topic) -> bool:
-    """Whether messages of the topic begin with a std_msgs/Header."""
+def _stamp_place(topic: Topic) -> int | None:
+    """Byte of a message at which its stamp is: that of a std_msgs/Header with which it begins, or
+    with which the first element of the array begins that it begins with, as in /tf."""
     definition = topic.message_type
     if not definition.text:
         try:
             definition = message_type(definition.name)
         except BagError:
-            return False
-    beginning = definition.text[:_LONGEST_BEGINNING]
-    fields = (line.split("#")[0].split() for line in beginning.splitlines())
-    first: list[str] = next((words for words in fields if len(words) >= 2), [""])
-    headers = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
-    return definition.encoding == ROS2MSG and first[0] in headers
+            return None
+    if definition.encoding != ROS2MSG:
+        return None
+    own, *others = re.split(r"^=+\nMSG: (\S+)\n", definition.text[:_LONGEST_BEGINNING], flags=re.M)
+    kind = _first_kind(own)
+    if kind in _HEADERS:
+        return CDR_HEAD
+    is_array, element = kind.endswith("[]"), kind.removesuffix("[]").replace("/msg/", "/")
+    texts = {
+        name.replace("/msg/", "/"): text
+        for name, text in zip(others[::2], others[1::2], strict=True)
+    }
+    name = next((each for each in texts if each in (element, f"{_package(topic)}/{element}")), None)
+    return 2 * CDR_HEAD if is_array and name and _first_kind(texts[name]) in _HEADERS else None
 
 
-def _stamp_ns(data: bytes) -> int:
+def _package(topic: Topic) -> str:
+    return topic.type_name.partition("/")[0]
+
+
+def _first_kind(text: str) -> str:
+    """Type of the first field of a definition."""
+    fields = (line.split("#")[0].split() for line in text.splitlines())
+    return next((words[0] for words in fields if len(words) >= 2), "")
+
+
+def _stamp_ns(data: bytes, place: int) -> int:
+    if place > CDR_HEAD and not any(data[CDR_HEAD:place]):
+        return 0  # an array without elements
     try:
-        return message_stamp_ns(data)
+        return message_stamp_ns(data, place)
     except BagError:
         return 0

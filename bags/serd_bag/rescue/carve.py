@@ -53,14 +53,14 @@ def _parts(content: mmap.mmap, size: int, headless: str) -> Iterator[Part]:
                 starts.append((place, kind))
     place = 0
     for (start, kind), (following, _) in pairwise([*sorted(starts), (size, "")]):
-        yield from _headless(content, place, start, headless)
+        yield from _headless(content, place, start, headless, ends)
         place = following
         if kind == ".mcap":
             place = min([end for end in ends if start < end <= following], default=following)
         elif kind == ".db3":
             place = min(following, start + database_size(content[start : start + 100], following))
         yield Part(kind, start, place)
-    yield from _headless(content, place, size, headless)
+    yield from _headless(content, place, size, headless, ends)
 
 
 def _places(content: mmap.mmap, magic: bytes) -> Iterator[int]:
@@ -70,12 +70,16 @@ def _places(content: mmap.mmap, magic: bytes) -> Iterator[int]:
         place = content.find(magic, place + 1)
 
 
-def _headless(content: mmap.mmap, start: int, end: int, kind: str) -> Iterator[Part]:
+def _headless(
+    content: mmap.mmap, start: int, end: int, kind: str, mcap_ends: list[int]
+) -> Iterator[Part]:
     """The recording without a head that these bytes may be."""
     if end - start < _LEAST:
         return
     if kind and end - start == len(content):
         yield Part(kind, start, end)
+    elif any(start < place <= end for place in mcap_ends):
+        yield Part(".mcap", start, end)
     elif has_rows(content, start, end):
         yield Part(".db3", start, end)
     elif any(_is_chunk(content, found.start()) for found in _chunks(content, start, end)):

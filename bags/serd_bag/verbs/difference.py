@@ -1,12 +1,13 @@
 """How two bags differ: messages, types and quality of service, topic by topic."""
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import blake2b
 from pathlib import Path
 
 from serd_bag.reader import BagReader
-from serd_bag.topic import QOS
+from serd_bag.topic import QOS, Channel
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,9 @@ def _others(readers: list[BagReader], name: str) -> tuple[str, ...]:
     )
     if not (one and other):
         return ("only the first bag has it",) if one else ("only the second bag has it",)
-    return tuple(
-        what
-        for what, of in (
-            ("type", lambda each: each.type_name),
-            ("encoding", lambda each: each.encoding),
-            ("quality of service", lambda each: each.value(QOS)),
-        )
-        if {of(each) for each in one} != {of(each) for each in other}
+    kinds: tuple[tuple[str, Callable[[Channel], str]], ...] = (
+        ("type", lambda each: each.type_name),
+        ("encoding", lambda each: each.encoding),
+        ("quality of service", lambda each: each.value(QOS)),
     )
+    return tuple(what for what, of in kinds if set(map(of, one)) != set(map(of, other)))

@@ -39,7 +39,7 @@ def reindex(path: str | Path) -> int:
     reader = BagReader(path, tolerant=True)
     spans, counts = [], Counter[Channel]()
     for scan, records in reader.walks():
-        n_messages, times = 0, []
+        n_messages, times = 0, list[int]()
         for record in records:
             counts[record.channel] += 1
             n_messages += 1

@@ -8,6 +8,7 @@ stream reader of `mcap`, SQLite itself, and a walk of twenty lines along the rec
 rosbags gets the metadata.yaml of the sound bag.
 """
 
+import csv
 import sqlite3
 import struct
 import tempfile
@@ -15,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from functools import cache
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from lab import RESULTS
-from lab.benchmarks.report import Row, save
+from lab.benchmarks.report import save
 from serd_bag.errors import BagError
 from serd_bag.files import atomic_write_text
 from serd_bag.formats.rosbag2.layout import (
@@ -345,13 +346,14 @@ def run() -> None:
     """Measure in a temporary folder; the table is saved.csv in lab/results/broken-bags."""
     rows = [row for kind in KINDS for row in rows_of(kind)]
     save("broken_bags", "Messages saved of broken recordings", rows)
-    lines = [",".join(rows[0]), *(",".join(map(str, row.values())) for row in rows)]
-    atomic_write_text(RESULTS / "broken-bags" / "saved.csv", "\n".join(lines) + "\n")
+    text = StringIO()
+    csv.writer(text, lineterminator="\n").writerows([rows[0].keys(), *map(dict.values, rows)])
+    atomic_write_text(RESULTS / "broken-bags" / "saved.csv", text.getvalue())
 
 
-def rows_of(kind: str) -> list[Row]:
+def rows_of(kind: str) -> list[dict[str, object]]:
     """A row per format: messages of it that were saved, and the wrong ones."""
-    rows: list[Row] = []
+    rows: list[dict[str, object]] = []
     for name in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
             source = FORMATS[name](Path(folder))

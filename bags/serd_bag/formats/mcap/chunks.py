@@ -79,6 +79,11 @@ class ChunkUnpacker:
         """Whether bytes that may be no chunk are still tried."""
         return self._n_tried > 0
 
+    def may_use(self, size: int) -> bool:
+        """Whether so many more bytes that may be no chunk are tried."""
+        self._n_tried -= size
+        return self._n_tried >= 0
+
     def unpacked(
         self, head: ChunkHead, offset: int, length: int, *, is_guess: bool
     ) -> tuple[ChunkHead, bytes, int, int]:
@@ -118,8 +123,7 @@ class ChunkUnpacker:
         Compressed ones are unpacked until that fails.
         """
         size = min(head.data_size, LARGEST_CONTENT, self._limit - offset - head.data_start)
-        self._n_tried -= max(0, size)
-        if size <= 0 or self._n_tried < 0:
+        if size <= 0 or not self.may_use(size):
             return b"", 0, 0
         block, at = self._window.locate(offset, head.data_start + size)
         first = at + head.data_start

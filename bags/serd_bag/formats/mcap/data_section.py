@@ -57,6 +57,10 @@ _BLOCK = 8 << 20
 _Positions = NDArray[np.uint64]
 
 
+#: Of records whose chunk has lost its head; its times exclude none.
+_NO_HEAD = ChunkHead(1, 0, 0, 0, "", 0, 0)
+
+
 class Area(NamedTuple):
     """Bytes from `start` to `end` of a block that are records.
 
@@ -132,12 +136,9 @@ class DataSection:
             self.note("the file is empty")
         elif magic != MCAP0_MAGIC:
             expected, got = MCAP0_MAGIC.hex(" "), magic.hex(" ")
-            what = f"an MCAP file begins with {expected}, this with {got}"
-            self.note(what)
+            self.note(f"an MCAP file begins with {expected}, this with {got}")
             if opcode != bytes([Opcode.HEADER]):
-                begin = self._next_chunk()
-                self._mark(0, begin, "lost", what)
-                return begin
+                return 0
         elif opcode and opcode[0] in range(Opcode.HEADER + 1, _LAST_OPCODE + 1):
             self.note("the first record must be a header")
         return MAGIC_SIZE
@@ -203,7 +204,17 @@ class DataSection:
             what = f"no record begins with {head}"
         self.note(what)
         self._mark(offset, following, "lost", what)
+        if self._has_chunks:  # else it holds no records, which would have been found
+            yield from self._remains(offset, following)
         self._offset = following
+
+    def _remains(self, begin: int, end: int) -> Iterator[Area]:
+        """Bytes between records, in which those of a chunk without its head may be."""
+        for start in range(begin, end, LARGEST_CONTENT):
+            size = min(LARGEST_CONTENT, end - start)
+            if self._unpacker.may_use(size):
+                block, at = self._window.locate(start, size)
+                yield Area(block, at, min(len(block), at + size), is_torn=True, doubted=_NO_HEAD)
 
     def _next_chunk(self) -> int:
         """The next chunk of the summary, or what begins like one; the end where there is none."""

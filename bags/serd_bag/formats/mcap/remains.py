@@ -1,7 +1,7 @@
 """What looks like records in an area of an MCAP file whose checksum does not fit.
 
-A message counts where its channel is known, its time is within those of its chunk, and another
-record, or the end of the area, follows it.
+A message counts where its channel is known, its time is within those of its chunk, and no other
+record begins within it; without the head of its chunk, another record must follow it.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +22,8 @@ class Remains:
         self._block, self._start, self._stop = area.block, area.start, area.end
         self._is_known = is_known
         self._first_ns, self._last_ns = 0, (1 << 64) - 1
-        if area.doubted is not None and area.doubted.first_ns <= area.doubted.last_ns:
+        self._has_head = area.doubted is not None and area.doubted.first_ns <= area.doubted.last_ns
+        if self._has_head and area.doubted is not None:
             self._first_ns, self._last_ns = area.doubted.first_ns, area.doubted.last_ns
 
     def places(self) -> Iterator[tuple[int, int]]:
@@ -31,7 +32,8 @@ class Remains:
         while place is not None and place < self._stop:
             end = self._end_of(place)
             if end is not None and end < self._stop and self._end_of(end) is None:
-                end = None  # The damage of what follows begins in this one, or it has no right end.
+                # It is longer than it states where another record begins within it.
+                end = end if self._has_head and self._next(place + 1, end) is None else None
             if end is None:
                 place = self._next(place + 1, self._stop)
                 continue

@@ -82,7 +82,7 @@ class McapScan(FileScan):
             section = DataSection(window, self._end, self, size, thorough=self._thorough)
             for area in section.areas():
                 if area.doubted is None:
-                    yield from self._messages(section, area, topics)
+                    yield from self._messages(section, area, topics, doubtful=doubtful)
                 elif doubtful:
                     yield from self._doubtful_messages(section, area, topics)
                 del area  # before the next one is read
@@ -105,14 +105,18 @@ class McapScan(FileScan):
         return found
 
     def _messages(
-        self, section: DataSection, area: Area, topics: frozenset[str] | None
+        self, section: DataSection, area: Area, topics: frozenset[str] | None, *, doubtful: bool
     ) -> Iterator[Record]:
-        """Messages in an area, whose definitions are collected."""
+        """Messages in an area, whose definitions are collected.
+
+        Without a checksum a message is doubtful behind which no record can begin.
+        """
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
         counts, channels = self._counts, dict[int, Channel | None]()
         block, offset, end, is_chunk, is_torn, _ = area
         positions = section.positions
         left, last, n_unknown = section.n_records, offset, 0
+        is_loose = is_torn or not is_chunk
         for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
             if offset + message_size > end or block[offset] != _MESSAGE:
                 following = self._skip(section, area, offset)
@@ -139,12 +143,18 @@ class McapScan(FileScan):
                 channel = self._definitions.channel(number)
                 is_wanted = topics is None or channel.topic in topics
                 channels[number] = channel if is_wanted else None
-            counts[number] += 1
             wanted = channels[number]
+            if is_loose and not _may_begin(block, offset, end):
+                topic = self._definitions.channel(number).topic
+                self.n_doubtful[topic] += 1
+                wanted, self.is_doubtful = wanted if doubtful else None, True
+            else:
+                counts[number] += 1
             if wanted is not None:
                 # NamedTuple's own constructor takes twice as long.
                 data = block[start:offset]
                 yield _MAKE(Record, (wanted, sequence, data, log_time, publish_time))
+            self.is_doubtful = False
         section.n_records, section.consumed, section.last = left, offset, last
         if is_chunk and offset < end:
             if left and not is_torn:
@@ -275,6 +285,14 @@ class McapScan(FileScan):
         ):
             if n_stated != n_found:
                 note(_DIFFERS.format(n_stated, what, n_found), is_harmless=True)
+
+
+def _may_begin(block: bytes, place: int, end: int) -> bool:
+    """Whether a record may begin there: it has an opcode of the format, or a length below 2^40."""
+    return end - place < RECORD_HEAD.size or (
+        0 < block[place] <= Opcode.DATA_END
+        or (block[place] > 0 and block[place + 6 : place + 9] == b"\0\0\0")
+    )
 
 
 def profile_of(window: FileWindow) -> str:
