@@ -96,18 +96,33 @@ class BagReader:
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RawMessage]:
         """Messages of the given topics (full names), None for all, in the order of the files.
 
-        Those of ROS 1 become the ROS 2 messages of the same fields; no others are changed.
+        Those of ROS 1 become the ROS 2 messages of the same fields; no others are changed. Of a
+        given topic with several types the messages of the first are returned, which `topics` names.
         """
-        n_broken = 0
-        for record in self.records(topics):
-            message = message_of(record)
-            if message is None:
-                n_broken += 1
-            else:
-                yield message
+        n_broken = n_others = 0
+        first = {each.topic: each for each in reversed(self._channels)}
+        others = {each for each in self._channels if not _are_alike(each, first[each.topic])}
+        if topics is None:
+            others.clear()
+        for _, records in self.walks(topics):
+            for record in records:
+                channel, _, data, log_time_ns, publish_time_ns = record
+                if others and channel in others:
+                    n_others += 1
+                elif channel.encoding != ROS1:
+                    # NamedTuple's own constructor takes twice as long.
+                    values = (channel.topic, channel.type_name, data, log_time_ns, publish_time_ns)
+                    yield _MAKE(RawMessage, values)
+                elif (message := message_of(record)) is not None:
+                    yield message
+                else:
+                    n_broken += 1
         if n_broken:
             what = f"{n_broken} messages do not fit the definition of their type"
             self._report([Damage(self.path, None, what)])
+        if n_others:
+            what = f"{n_others} messages are of another type than the first of their topic"
+            self._report([Damage(self.path, None, what, is_harmless=True)])
 
     def records(
         self, topics: Collection[str] | None = None, *, doubtful: bool = False
@@ -138,7 +153,13 @@ class BagReader:
         self, file: Path, scan: FileScan, topics: frozenset[str] | None, doubtful: bool
     ) -> Iterator[Record]:
         broken: Counter[str] = Counter()
-        for record in scan.records(topics, doubtful=doubtful):
+        found = scan.records(topics, doubtful=doubtful)
+        if (
+            str((self.layout.metadata or {}).get("compression_mode", "MESSAGE")).upper()
+            != "MESSAGE"
+        ):
+            yield from found
+        for record in found:
             if record[2][:4] != _COMPRESSED or record[0].encoding != CDR:
                 yield record
             elif (data := _decompressed(record.data)) is not None:
@@ -214,6 +235,16 @@ def _parts_of(file: Path, path: Path) -> "Sequence[Part | None]":
     return recordings_in(path, kind) or ([None] if kind else [])
 
 
+def _are_alike(one: Channel, other: Channel) -> bool:
+    """Whether two channels have one type, by all but the comments of their definitions."""
+    if one.type_name != other.type_name or not (one.schema and other.schema):
+        return one.type_name == other.type_name
+    first, second = (
+        [line.split(b"#")[0].split() for line in each.schema.splitlines()] for each in (one, other)
+    )
+    return list(filter(None, first)) == list(filter(None, second))
+
+
 def message_of(record: Record) -> RawMessage | None:
     """The message of a record, of ROS 1 in CDR; None where it does not fit its definition."""
     channel, _, data, log_time_ns, publish_time_ns = record
@@ -225,8 +256,7 @@ def message_of(record: Record) -> RawMessage | None:
         if made is None:
             return None
         data, type_name = made, converted_topic(channel).type_name
-    # NamedTuple's own constructor takes twice as long.
-    return _MAKE(RawMessage, (channel.topic, type_name, data, log_time_ns, publish_time_ns))
+    return RawMessage(channel.topic, type_name, data, log_time_ns, publish_time_ns)
 
 
 def topic_read(channel: Channel) -> Topic:

@@ -238,3 +238,16 @@ def test_a_bag_of_ros_1_that_a_kill_has_cut_gives_all_whole_messages(tmp_path):
     certificate = rescue(tmp_path / "a.bag", tmp_path / "new")
     assert certificate.n_messages >= stream.getvalue().count(b"op=\x02") - 1 > 100
     assert certificate.most_lost is None
+
+
+def test_of_a_named_topic_with_two_types_the_messages_of_the_first_are_read(tmp_path):
+    other = ("/odom", "cdr", "std_msgs/msg/Int8", "ros2msg", b"int8 data", 1, 3, 3, b"\0\1\0\0\5")
+    alike = ("/odom", "cdr", TEXT, "ros2msg", b"# old\nstring data", 1, 4, 4, b"\0\1\0\0\0\0\0\0")
+    source = write_file(tmp_path / "a.mcap", [*rows_of(6), other, alike])
+    reader = BagReader(source)
+    assert len(list(reader.messages())) == 8
+    assert {each.type_name for each in reader.messages(["/odom"])} == {TEXT}
+    assert [each.what for each in reader.damage] == [
+        "1 messages are of another type than the first of their topic"
+    ]
+    assert len(list(BagReader(source).messages(["/odom"]))) == 4

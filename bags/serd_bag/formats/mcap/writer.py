@@ -8,6 +8,7 @@ chunks that are lost cost no more than themselves, and then each time their numb
 
 import contextlib
 import os
+import struct
 import zlib
 from collections import Counter
 from collections.abc import Sequence
@@ -49,6 +50,7 @@ LIBRARY = "serd"
 _FIELDS_SIZE = MESSAGE_HEAD.size - RECORD_HEAD.size
 _MESSAGE = int(Opcode.MESSAGE)
 _LARGEST_CHUNK = 256 * 1024
+_SIZE = struct.Struct("<Q")
 _REPEATED_AT_ONCE = 2
 _BLOCK = 1 << 20
 _METADATA_NAME = "rosbag2"
@@ -155,16 +157,21 @@ class McapWriter:
             return
         indexes = [index for index in self._indexes.values() if index.records]
         times = [time_ns for index in indexes for time_ns, _ in index.records]
-        content, packed = bytes(self._chunk), self._compression == "zstd"
-        chunk = Chunk(
+        packed = self._compression == "zstd"
+        head = Chunk(
             compression="zstd" if packed else "",
-            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
+            data=b"",
             message_end_time=max(times, default=0),
             message_start_time=min(times, default=0),
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
+            uncompressed_crc=zlib.crc32(self._chunk),
+            uncompressed_size=len(self._chunk),
         )
-        block = bytearray(_encoded(chunk))
+        data = zstandard.ZstdCompressor(level=1).compress(self._chunk) if packed else self._chunk
+        # The data is copied once: `mcap` would copy it three times.
+        block = bytearray(_encoded(head))
+        _SIZE.pack_into(block, 1, len(block) - RECORD_HEAD.size + len(data))
+        _SIZE.pack_into(block, len(block) - _SIZE.size, len(data))
+        block += data
         entry = entry_of_chunk(chunk_head(block), self._size, len(block))
         for index in indexes:
             entry.message_index_offsets[index.channel_id] = self._size + len(block)

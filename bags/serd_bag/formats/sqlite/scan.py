@@ -85,7 +85,8 @@ class SqliteScan(FileScan):
                     continue
                 n_read[number] += 1
                 if wanted is None or number in wanted:
-                    time_ns &= _UNSIGNED
+                    if time_ns < 0:
+                        time_ns &= _UNSIGNED
                     # NamedTuple's own constructor takes twice as long.
                     yield _MAKE(Record, (known[number], 0, data, time_ns, time_ns))
             for number, count in n_read.items():
@@ -100,10 +101,12 @@ class SqliteScan(FileScan):
 
     def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
         """Rows of messages in the order of recording."""
-        data = "CASE WHEN length(data) <= ? THEN data END"
+        data = "data"
+        if self.path.stat().st_size > LARGEST_MESSAGE:
+            data = f"CASE WHEN length(data) <= {LARGEST_MESSAGE} THEN data END"
         query = f"SELECT topic_id, timestamp, {data} FROM messages{condition}"
         try:
-            yield from database.execute(query, (LARGEST_MESSAGE,))
+            yield from database.execute(query)
         except sqlite3.Error as error:
             raise DamagedBagError(
                 f"{self.path} cannot be read any further ({error}); repair it with"
