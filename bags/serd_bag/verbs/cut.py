@@ -94,11 +94,7 @@ def cut(
         ) as writer:
             streams = [selection.records(reader) for reader in readers]
             merged = streams[0] if len(streams) == 1 else heapq.merge(*streams, key=_log_time)
-            for reader in readers:
-                names = selection.names(reader.topics)
-                for channel in reader.channels:
-                    if channel.topic in names:
-                        writer.add_channel(channel)
+            _declare(writer, readers, selection)
             n_before = 0
             for record in _sorted(merged, Path(runs)) if sort else merged:
                 writer.write_record(record)
@@ -111,6 +107,15 @@ def cut(
                     writer.copy_records(scan)
     source = Path(", ".join(map(str, sources)))
     return RewriteReport(source, Path(target).resolve(), dict(writer.counts), ())
+
+
+def _declare(writer: BagWriter, readers: Iterable[BagReader], selection: Selection) -> None:
+    """Declare the channels of all selected topics, also of those without messages."""
+    for reader in readers:
+        names = selection.names(reader.topics)
+        for channel in reader.channels:
+            if channel.topic in names:
+                writer.add_channel(channel)
 
 
 def _log_time(record: Record) -> int:

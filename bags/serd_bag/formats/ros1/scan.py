@@ -92,12 +92,7 @@ class Ros1Scan(FileScan):
                         self.is_doubtful = found.is_doubtful
                         yield Record(channel, 0, found.data, time_ns, time_ns)
             self.is_doubtful = False
-            self.is_cut = not self._index.counts
-            for counts in self._index.counts.values():
-                for number, count in counts.items():
-                    if number in self._index.connections:
-                        topic = self._index.connections[number].topic
-                        self.expected_of[topic] = self.expected_of.get(topic, 0) + count
+            self._take_counts()
             for fault in walk.faults():
                 self.log.note(None, fault, is_harmless=True)
             indexed = self._index.connections
@@ -107,6 +102,15 @@ class Ros1Scan(FileScan):
         self.n_left_out = n_unknown + n_doubted
         if n_unknown:
             self._note(f"{n_unknown} messages are of connections declared in a part that is lost")
+
+    def _take_counts(self) -> None:
+        """Take the messages of each topic that the index counts."""
+        self.is_cut = not self._index.counts
+        for counts in self._index.counts.values():
+            for number, count in counts.items():
+                if number in self._index.connections:
+                    topic = self._index.connections[number].topic
+                    self.expected_of[topic] = self.expected_of.get(topic, 0) + count
 
     @cached_property
     def _index(self) -> Walk:

@@ -208,16 +208,7 @@ def bag_metadata(
         "starting_time": times["starting_time"],
         "message_count": sum(span.n_messages for span in files),
         "topics_with_message_count": [
-            {
-                "topic_metadata": {
-                    "name": channel.topic,
-                    "type": channel.type_name,
-                    "serialization_format": channel.encoding,
-                    "offered_qos_profiles": qos_values(channel.value(QOS)),
-                    "type_description_hash": channel.value(TYPE_HASH),
-                },
-                "message_count": count,
-            }
+            {"topic_metadata": _topic_values(channel), "message_count": count}
             for channel, count in channels
         ],
         "compression_format": "",
@@ -233,6 +224,16 @@ def bag_metadata(
         ],
         "custom_data": kept.get("custom_data"),
         "ros_distro": kept.get("ros_distro", ROS_DISTRO),
+    }
+
+
+def _topic_values(channel: Channel) -> dict[str, Any]:
+    return {
+        "name": channel.topic,
+        "type": channel.type_name,
+        "serialization_format": channel.encoding,
+        "offered_qos_profiles": qos_values(channel.value(QOS)),
+        "type_description_hash": channel.value(TYPE_HASH),
     }
 
 

@@ -91,13 +91,16 @@ class SqliteScan(FileScan):
                     yield _MAKE(Record, (known[number], 0, data, time_ns, time_ns))
             for number, count in n_read.items():
                 self.counts[known[number].topic] += count
-            n_found = self.counts.total() + n_unknown
-            n_indexed = n_found if fault else _n_indexed(database)
-            if n_indexed is not None and n_indexed != n_found:
-                self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
+            if not fault:
+                self._compare_with_index(database, self.counts.total() + n_unknown)
         self.n_left_out = n_unknown
         if n_unknown:
             self._note(f"{n_unknown} messages have lost their topic, their time or their content")
+
+    def _compare_with_index(self, database: sqlite3.Connection, n_found: int) -> None:
+        n_indexed = _n_indexed(database)
+        if n_indexed is not None and n_indexed != n_found:
+            self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
 
     def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
         """Rows of messages in the order of recording."""
