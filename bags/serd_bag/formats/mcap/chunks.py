@@ -24,6 +24,8 @@ _LONGEST_NAME = 16
 _SIZE = struct.Struct("<Q")
 #: Bytes that are decompressed at once: zstd makes 8 MiB of them at most, lz4 copies the rest.
 _ZSTD_PIECE, _LZ4_PIECE = 256, 1 << 20
+#: A chunk may unpack to this many times its size, or to so many bytes, if it states fewer.
+_MOST_PACKED, _LEAST_UNPACKED = 10, 1 << 20
 #: More bytes than this after the fields of an empty chunk are its records, not an extension.
 _LARGEST_EXTENSION = 1024
 #: Bytes with which a chunk can begin: opcode, length, times, sizes, checksum, compression.
@@ -207,17 +209,18 @@ class ChunkUnpacker:
                         return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
             parts = _parts(head.compression, data)
             if parts is not None:
-                return self._joined(*parts)
+                most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
+                return self._joined(*parts, min(most, LARGEST_CONTENT))
         except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
             raise BagError(f"a chunk cannot be unpacked ({error})") from None
         raise _unknown(head.compression)
 
-    def _joined(self, parts: Iterator[bytes], decompressor: Any) -> bytes:
+    def _joined(self, parts: Iterator[bytes], decompressor: Any, most: int) -> bytes:
         records = BytesIO()
         for part in parts:
             self._use(len(part))
-            if records.tell() + len(part) > LARGEST_CONTENT:
-                raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, it has more")
+            if records.tell() + len(part) > most:
+                raise BagError(f"a chunk must have {most} bytes at most, it has more")
             records.write(part)
         if not decompressor.eof:
             raise BagError("a chunk cannot be unpacked (it ends early)")
