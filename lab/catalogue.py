@@ -66,6 +66,7 @@ BENCHMARKS = {
         ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
         ("learning", "joint_dynamics", "alarms of the rule for joint or counted dynamics"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
+        ("recordings", "broken_bags", "messages saved of broken recordings, against two libraries"),
     )
 }
 

@@ -47,6 +47,7 @@ KEPT = (
     Kept("people", "summary.csv", "people.png"),
     Kept("durations", "summary.csv"),
     Kept("bench", "bench.csv"),
+    Kept("broken-bags", "saved.csv"),
 )
 
 

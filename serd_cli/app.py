@@ -25,7 +25,7 @@ COMMANDS = {
     "demo": "Demonstrate, record, learn, navigate and report, through ROS 2.",
     "teleop": "Drive by hand in real time, and save or discard what is recorded.",
     "watch": "Watch a running stack on a web page that drives nothing.",
-    "bag": "Inspect, check, repair, convert, map and play recordings.",
+    "bag": "Rescue, inspect, check, convert, map and play recordings.",
     "demos": "Turn recordings into the table of decisions to learn from.",
     "learn": "Learn rewards and dynamics from a table of decisions.",
     "navigate": "Drive by a learned model; compare predicted and measured arrival.",

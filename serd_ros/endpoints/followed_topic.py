@@ -23,10 +23,10 @@ from sensor_msgs.msg import PointCloud2
 
 from serd_app.drives.transforms import plain_name
 from serd_bag.errors import BagError
-from serd_bag.formats.rosbag2.message_types import MessageType, message_type, rosbags_types
+from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
 from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.messages.plain import Transform, transforms
-from serd_bag.topic import Topic
+from serd_bag.topic import MessageType, Topic
 from serd_ros.convert.frames import Frames, NotYetError
 from serd_ros.convert.motion import PlanarPose, odom_in_map, to_quaternion
 from serd_ros.convert.sensors import from_people_message

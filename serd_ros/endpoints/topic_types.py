@@ -20,8 +20,9 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from rclpy.validate_topic_name import validate_topic_name
 from rosbags.interfaces import Nodetype
 
-from serd_bag.formats.rosbag2.message_types import MessageType, message_type, typestore_of
+from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
 from serd_bag.nearest import hint
+from serd_bag.topic import MessageType
 from serd_ros.convert import typed
 from serd_ros.endpoints import qos, topics
 from serd_ros.errors import NodeError

@@ -18,11 +18,11 @@ from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.journeys.demonstrate import PlaceChoice, demonstrate
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_app.learning.learning_files import read_learning_files
-from serd_bag.command.rewrite import recover
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.formats.rosbag2.qos import profile_to_offer
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.reader import BagReader
+from serd_bag.rescue.saving import rescue
 from serd_bag.writer import BagWriter
 from serd_cli.processes.workspace import find_command, node_command
 from serd_files.model_file import ModelFile, load_model
@@ -33,6 +33,7 @@ from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import TF
+from support.damaged_files import counts_of
 from support.foreign_bags import START_S, ForeignBag, Robot
 from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 
@@ -125,7 +126,7 @@ def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
     assert "cannot write" in problems()[0]
     n_kept = sum(1 for _ in BagReader(recording.bag, tolerant=True).messages({"/robot_pose"}))
     assert n_kept > 50
-    assert recover(recording.bag, tmp_path / "recovered").counts["/robot_pose"] == n_kept
+    assert counts_of(rescue(recording.bag, tmp_path / "recovered"))["/robot_pose"] == n_kept
 
 
 def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
@@ -195,7 +196,7 @@ def test_a_killed_recorder_has_lost_the_last_half_second_of_a_topic_at_most(reco
         if lost := sent[len(stamps_ns) :]:
             lost_s = (killed_ns - lost[0][1]) * 1e-9 - (waited_s - lost[0][2])
             assert lost_s <= MOST_LOST_S, topic
-    counts = recover(recording.bag, tmp_path / "recovered").counts
+    counts = counts_of(rescue(recording.bag, tmp_path / "recovered"))
     assert counts == {topic: len(stamps_ns) for topic, stamps_ns in recorded_ns.items()}
 
 
