@@ -208,8 +208,8 @@ class DwellSummary:
 def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> DwellSummary:
     """Summarise what a fit found about dwell times: laws, intervals, and what informed them.
 
-    found: of `laplace`; draws: of `interval_draws`; mass: that intervals hold. SerdError where moves
-    take no time, or the fit learned no dynamics.
+    found: of `laplace`; draws: of `interval_draws`; mass: that intervals hold, which are NaN where
+    the chains did not mix. SerdError where moves take no time, or the fit learned no dynamics.
 
         found = sc.laplace(timed, decisions, fit)
         laws = sc.dwell_summary(found, sc.interval_draws(found, rng))
