@@ -12,11 +12,11 @@ import scipy.stats
 
 from lab.posterior.families import Family
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.bayes.hyperpriors import HYPERPRIORS, BaseMeasures
 from serd_core.bayes.laplace import PosteriorDraws, draws_at, interval_draws, laplace
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions, sample_timed_decisions
-from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import Problem
@@ -32,7 +32,7 @@ Draw = Callable[[Problem, Decisions, FitResult, np.random.Generator], PosteriorD
 #: Draws L that a rank is among; L + 1 has many divisors.
 N_RANKED = 63
 #: Probability that an outcome has at least, so that its logarithm is a number.
-LEAST = 1e-9
+LEAST = 1e-280
 
 
 def draw_by_sweeps(
@@ -49,13 +49,8 @@ def calibration_ranks(
 ) -> IntArray:
     """(n,) ranks of the true weights, outcome probabilities, log means and log shapes of laws.
 
-    prior: with strengths that are given, as they are those of the true parameters.
+    prior: strengths that are not given are drawn as well.
     """
-    if None in (prior.deviation, prior.pseudo_count, prior.dwell_deviation):
-        raise SerdError(
-            "prior must have a deviation, a pseudo_count and a dwell_deviation, from which the"
-            f" truth is drawn, got {prior}; pass numbers"
-        )
     problem = family.problem
     weights, truth = drawn_truth(problem, prior, rng)
     decisions = demonstrated(family, weights, truth, rng)
@@ -74,16 +69,25 @@ def calibration_ranks(
 def drawn_truth(
     problem: Problem, prior: PriorByEvidence, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    """(F,) weights and (N,) parameters of the dynamics, drawn from a prior of given strengths."""
-    assert prior.deviation is not None
-    assert prior.pseudo_count is not None
+    """(F,) weights and (N,) parameters of the dynamics, drawn from a prior.
+
+    Strengths of weights and outcomes that it does not give are drawn too, as in
+    `serd_core.bayes.hyperpriors`.
+    """
     assert prior.dwell_deviation is not None
     model = problem.mdp.transitions
     models = require_outcome_models(model, "calibration")
-    deviations = prior.deviation / feature_ranges(problem)
-    weights = deviations * rng.standard_normal(len(deviations))
-    counts = np.full(models.n_outcomes, prior.pseudo_count)
-    table = np.maximum(rng.dirichlet(counts, models.n_models), LEAST)
+    n_features, ranges = len(problem.feature_names), feature_ranges(problem)
+    scales = np.full(n_features, prior.deviation or _drawn("deviation", rng, n_features))
+    weights = scales / ranges * rng.standard_normal(n_features)
+    base = BaseMeasures.of(
+        models, prior.pseudo_count or float(_drawn("pseudo_count", rng, 1)[0]), 1
+    )
+    if prior.pseudo_count is None:
+        energies = np.log(rng.standard_gamma(1.0, base.energies.shape))
+        base = BaseMeasures(base.kind, base.log_count, energies)
+    rows = [rng.dirichlet(counts) for counts in base.pseudo_counts[0]]
+    table = np.maximum(rows, LEAST)
     truth = models.parameters_of(table / table.sum(axis=1, keepdims=True))
     if isinstance(model, SemiMarkovModels):
         law = DwellPrior(prior.dwell_deviation)
@@ -92,6 +96,11 @@ def drawn_truth(
         truth[model.means] += common + law.deviation * rng.standard_normal(model.n_laws)
         truth[model.shapes] += rng.standard_normal(model.n_laws)
     return weights, truth
+
+
+def _drawn(strength: str, rng: np.random.Generator, n: int) -> FloatArray:
+    median, spread = HYPERPRIORS[strength]
+    return np.asarray(median * np.exp(spread * rng.standard_normal(n)))
 
 
 def demonstrated(

@@ -35,6 +35,7 @@ MASS = 0.9
 class OutcomeRow:
     """The posterior of one outcome probability; what is in nats is of its whole model.
 
+    outcome_known_from: that of this outcome, which the data of its model may leave as it was.
     lower, median, upper: NaN where the chains of the posterior did not mix, as in all tables here.
     known_from: counts, choices, both, or prior only; shared_most_with: a feature of the reward.
     """
@@ -46,6 +47,7 @@ class OutcomeRow:
     median: OptionalFloat
     upper: OptionalFloat
     known_from: str
+    outcome_known_from: str
     from_transitions_nats: float
     from_choices_nats: float
     shared_with_rewards_nats: float
@@ -154,6 +156,7 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
             median=float(found.median[m, outcome]),
             upper=float(found.upper[m, outcome]),
             known_from=found.source(m),
+            outcome_known_from=found.source_of_outcome(m, outcome),
             from_transitions_nats=float(found.from_transitions[m]),
             from_choices_nats=float(found.from_choices[m]),
             shared_with_rewards_nats=float(found.shared[m]),

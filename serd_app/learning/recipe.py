@@ -33,9 +33,6 @@ from serd_files.model_file import LearnedDynamics, model_of_fit
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
-#: What a point estimate has where the evidence of joint dynamics does not lead.
-COUNTED = "under counted dynamics"
-
 
 @dataclass(frozen=True)
 class LearningTask:
@@ -83,10 +80,9 @@ def learn(
     found = fit_by(settings.method, data)
     posterior = posterior_of(problem, decisions, found.fit)
     judged = judged_of(problem, decisions, found.fit, rng.spawn(1)[0])
-    if judged is not None and judged.point == "counted":
-        found = replace(found, fit=judged.counted, prior=f"{found.prior}; {COUNTED}")
-        if judged.chosen != "joint":
-            posterior = posterior_of(problem, decisions, found.fit)
+    if judged is not None and judged.chosen != "joint":
+        found = replace(found, fit=judged.counted, prior=f"{found.prior}; dynamics are counted")
+        posterior = posterior_of(problem, decisions, found.fit)
     draws = None if posterior is None else laplace_draws(posterior, rng)
     fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)

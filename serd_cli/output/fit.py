@@ -22,6 +22,7 @@ from serd_cli.output.terminal import (
     progress_console,
     table_of,
 )
+from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Outcome
 
@@ -136,6 +137,7 @@ def _outcomes_table(outcome: FitOutcome, certainty: Certainty) -> Table:
     """One row per outcome model: interval of each probability, without one the standard error."""
     names, known = [each.name.lower() for each in Outcome], outcome.knowledge
     shown = "± standard error" if known is None else f"({100 * MASS:.0f} % of the posterior)"
+    shown += "" if known is None else "; * from the prior"
     table = table_of(f"Outcomes of a decision, in % {shown}", "model", names)
     for number in outcome.problem.used_models.tolist():
         model, cells = outcome.model.outcome_models[number], []
@@ -145,6 +147,7 @@ def _outcomes_table(outcome: FitOutcome, certainty: Certainty) -> Table:
                 row = known.by_model[model.name][place]
                 lower, median, upper = (100 * x for x in (row.lower, row.median, row.upper))
                 cell = f"{median:.1f} ({lower:.0f}–{upper:.0f})"
+                cell += "*" * (row.outcome_known_from == PRIOR_ONLY)
                 cell = "not mixed" if math.isnan(lower + median + upper) else cell
             elif certainty.errors is not None:
                 error = float(certainty.errors.outcome_probabilities[number, place])

@@ -24,6 +24,7 @@ import scipy.sparse
 from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
+from serd_core.bayes.hyperpriors import Scales
 from serd_core.bayes.laplace import Laplace, PosteriorDraws, interval_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
 from serd_core.dynamics.estimation import most_likely_dynamics
@@ -37,7 +38,7 @@ from serd_core.dynamics.transition_model import (
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import solution_at
-from serd_core.posterior.coordinates import gauge_free_basis
+from serd_core.posterior.coordinates import feature_ranges, gauge_free_basis
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
@@ -60,7 +61,8 @@ class OutcomeInformation:
     shared: with all reward weights; partner: the feature whose weight shares most.
     lower, median, upper: (M, K), of the central intervals that hold `mass` of the posterior; NaN
     where the chains did not mix. weights: (3, F) the same of reward weights.
-    from_choices_of_weights: (F,) information about each weight, a normal divergence from its prior.
+    from_data: (M, K) nats of the posterior of each probability from its prior without the data of
+    its model, both taken as normal. from_choices_of_weights: (F,) the same of each weight.
     draws: of the posterior, from which these are.
     """
 
@@ -74,12 +76,18 @@ class OutcomeInformation:
     upper: FloatArray
     mass: float
     weights: FloatArray
+    from_data: FloatArray
     from_choices_of_weights: FloatArray
     draws: PosteriorDraws
 
     def source(self, model: int) -> str:
         """Where what is known of an outcome model comes from."""
         return named_source(counts=self.from_transitions[model], choices=self.from_choices[model])
+
+    def source_of_outcome(self, model: int, outcome: int) -> str:
+        """The same of one probability, which the data of its model may leave as it was."""
+        informed = self.from_data[model, outcome] >= LEAST_NATS
+        return self.source(model) if informed else PRIOR_ONLY
 
     def source_of_weight(self, feature: int) -> str:
         """Where what is known of a reward weight comes from."""
@@ -137,9 +145,27 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         upper=limits[2],
         mass=mass,
         weights=draws.interval(draws.reward, mass),
+        from_data=_from_data(models, draws),
         from_choices_of_weights=_of_weights(found, draws),
         draws=draws,
     )
+
+
+def _from_data(models: OutcomeModels, draws: PosteriorDraws) -> FloatArray:
+    """(M, K) KLD of each probability from that of Dirichlet draws of its pseudo-counts."""
+    assert draws.pseudo_counts is not None
+    gamma = np.random.default_rng(1).standard_gamma(draws.pseudo_counts)
+    before = gamma / floored(gamma.sum(axis=2, keepdims=True))
+    return normal_nats(
+        models.local_probabilities(draws.truth), before.mean(axis=0), before.var(axis=0)
+    )
+
+
+def normal_nats(draws: FloatArray, mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """(...) KLD of the normal distributions of (n, ...) draws from those of a mean and variance."""
+    ratio = floored(draws.var(axis=0, ddof=1)) / floored(variance)
+    away = (draws.mean(axis=0) - mean) ** 2 / floored(variance)
+    return np.asarray(np.maximum(0.5 * (ratio - 1.0 + away - np.log(ratio)), 0.0))
 
 
 def _of_weights(found: Laplace, draws: PosteriorDraws) -> FloatArray:
@@ -147,11 +173,10 @@ def _of_weights(found: Laplace, draws: PosteriorDraws) -> FloatArray:
     at = found.coordinates.parameters(found.mode)
     bend = found.posterior.prior.hessian(found.problem.mdp.transitions, at)
     own = at.place(Block.REWARD)
-    precision = -np.diag(bend)[own]
-    mean, variance = draws.reward.mean(axis=0), draws.reward.var(axis=0, ddof=1)
-    ratio = precision * variance
-    nats = 0.5 * (ratio - 1.0 + precision * mean**2 - np.log(ratio))
-    return np.asarray(np.maximum(nats, 0.0))
+    variance = -1.0 / np.diag(bend)[own]
+    if "deviation" in found.open_strengths:
+        variance = Scales(feature_ranges(found.problem)).deviations() ** 2
+    return normal_nats(draws.reward, np.zeros(len(variance)), variance)
 
 
 def learned_outcomes(found: Laplace) -> tuple[OutcomeModels, tuple[Block, ...]]:

@@ -18,7 +18,7 @@ The policy averaged over draws predicts the expert's next decision better than t
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -60,7 +60,8 @@ class Laplace:
     """A normal approximation of the posterior, over (d,) coordinates.
 
     posterior: what it approximates; mode: (d,) its maximum; root: (d, d), covariance =
-    root @ root.T; log_evidence: log P(D).
+    root @ root.T; log_evidence: log P(D). open_strengths: names of strengths of the prior that are
+    not given, so that draws are of their posterior too (`serd_core.bayes.hyperpriors`).
     """
 
     posterior: Posterior
@@ -68,6 +69,7 @@ class Laplace:
     mode: FloatArray
     root: FloatArray
     log_evidence: float
+    open_strengths: tuple[str, ...] = ()
 
     @property
     def problem(self) -> Problem:
@@ -85,13 +87,14 @@ class Laplace:
         if not can_sweep(self.posterior, self.coordinates):
             return self._normal(n, rng)
         n_chains = min(n, N_CHAINS)
-        return self.chains(n_chains, rng).states(-(-n // n_chains))[:n]
+        return self.chains(n_chains, rng).states(-(-n // n_chains))[0][:n]
 
     def chains(self, n: int, rng: np.random.Generator) -> Chains:
         """Start n chains in the posterior, at draws of the approximation."""
         start = self._normal(2 * n, rng)[:n]  # the second half would mirror the first
-        near = surrogate(self.posterior, self.coordinates, self.mode, n)
-        return Chains(near, self.root, start, rng)
+        scales, counts = (name in self.open_strengths for name in ("deviation", "pseudo_count"))
+        near = surrogate(self.posterior, self.coordinates, self.mode, n, learned_scales=scales)
+        return Chains(near, self.root, start, rng, learned_counts=counts)
 
     def _normal(self, n: int, rng: np.random.Generator) -> FloatArray:
         half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
@@ -136,7 +139,8 @@ def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
         print(found.log_evidence, sc.laplace_draws(found, rng, 400))
     """
     objective = log_posterior_of(problem, decisions, fit)
-    return laplace_at(objective, objective.coordinates.of(fit.parameters))
+    found = laplace_at(objective, objective.coordinates.of(fit.parameters))
+    return replace(found, open_strengths=fit.assumed.open_strengths)
 
 
 def require_laplace(found: object) -> None:
@@ -271,7 +275,7 @@ class PosteriorDraws:
     coordinates: (n, d); reward: (n, F) weights; truth: (n, N) parameters of the dynamics;
     outcome_probabilities, believed_outcome_probabilities: (n, M, K), which are discounted where
     moves take time (`SemiMarkovModels`). n_chains: of which draws are the states, those of a sweep
-    in a row.
+    in a row. pseudo_counts: (n, M, K) of the prior of true outcomes, as `interval_draws` has them.
     """
 
     coordinates: FloatArray
@@ -280,6 +284,7 @@ class PosteriorDraws:
     outcome_probabilities: FloatArray
     believed_outcome_probabilities: FloatArray
     n_chains: int
+    pseudo_counts: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.reward)
@@ -345,12 +350,16 @@ def interval_draws(found: Laplace, rng: np.random.Generator, mass: float = 0.9) 
         return laplace_draws(found, rng, N_CHAINS * FIRST_STATES)
     chains, table = found.chains(N_CHAINS, rng), found.coordinates.table
     shares = np.array([(1.0 - mass) / 2.0, 0.5, (1.0 + mass) / 2.0])
-    points = chains.states(FIRST_STATES)
+    points, counts = chains.states(FIRST_STATES)
     while len(points) < N_CHAINS * MOST_STATES:
         if np.all(effective_sizes(points @ table.T, N_CHAINS, shares) >= EFFECTIVE):
             break
-        points = np.concatenate([points, chains.states(len(points) // N_CHAINS)])
-    return draws_at(found.problem, found.coordinates, points, N_CHAINS)
+        later = chains.states(len(points) // N_CHAINS)
+        points, counts = (
+            np.concatenate(both) for both in zip((points, counts), later, strict=True)
+        )
+    draws = draws_at(found.problem, found.coordinates, points, N_CHAINS)
+    return replace(draws, pseudo_counts=counts)
 
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:

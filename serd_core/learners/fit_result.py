@@ -22,12 +22,14 @@ class Assumptions:
 
     by_likelihood: whether it maximised the likelihood, with the prior; other criteria have maxima
     elsewhere. None where a file of version 0.2.0 does not state it.
+    open_strengths: of a prior by evidence, those that draws of the posterior sample.
     """
 
     policy_model: PolicyModel
     belief: Belief
     prior: Prior
     by_likelihood: bool | None = None
+    open_strengths: tuple[str, ...] = ()
 
     @property
     def whole_prior(self) -> Prior:

@@ -101,10 +101,11 @@ class JointDynamics:
             f" predictive p {self.p_values.min():.2g}"
         )
         if self.chosen == "joint":
-            taken = "take" if self.point == "joint" else "do not take"
+            lead = f"their evidence leads that of counted ones by {self.lead_nats:+.1f} nats"
+            if self.point == "counted":
+                lead += ", which is too little for a point estimate: predict by posterior averages"
             return (
-                f"dynamics that are learned with the rewards agree with the moves ({found}); point"
-                f" estimates {taken} them, as their evidence leads by {self.lead_nats:+.1f} nats"
+                f"dynamics that are learned with the rewards agree with the moves ({found}); {lead}"
             )
         if self.chosen == "counted":
             return (

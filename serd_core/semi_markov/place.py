@@ -208,11 +208,11 @@ class DwellSummary:
 def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> DwellSummary:
     """Summarise what a fit found about dwell times: laws, intervals, and what informed them.
 
-    found: of `laplace`; draws: of `laplace_draws`; mass: that intervals hold. SerdError where moves
-    take no time, or the fit learned no dynamics.
+    found: of `laplace`; draws: of `interval_draws`; mass: that intervals hold, which are NaN where
+    the chains did not mix. SerdError where moves take no time, or the fit learned no dynamics.
 
         found = sc.laplace(timed, decisions, fit)
-        laws = sc.dwell_summary(found, sc.laplace_draws(found, rng, 400))
+        laws = sc.dwell_summary(found, sc.interval_draws(found, rng))
         unseen = laws.n_chosen == 0
         print(np.exp(laws.log_mean_over_probability[:, unseen]))
     """

@@ -5,12 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.special
 import scipy.stats
 
 import serd_core as sc
 from serd_core.bayes import laplace as laplace_module
 from serd_core.bayes import surrogate as surrogate_module
+from serd_core.bayes.hyperpriors import Scales
 from serd_core.bayes.mixing import effective_sizes
 from serd_core.bayes.surrogate import Surrogate
 from serd_core.bayes.sweeps import can_sweep
@@ -287,6 +289,47 @@ def test_an_interval_that_has_not_mixed_is_no_number(monkeypatch):
     longest = laplace_module.interval_draws(found, np.random.default_rng(0))
     assert len(longest) == laplace_module.N_CHAINS * laplace_module.MOST_STATES
     assert np.all(np.isnan(longest.interval(longest.reward)))
+
+
+def test_scales_that_are_learned_have_the_density_of_their_mixture():
+    found = Scales(np.array([2.0])).log_density(np.array([[0.0], [1.5], [-40.0]]))
+    exact = []
+    for weight in (0.0, 1.5, -40.0):
+        integrand = lambda z, w=weight: (  # noqa: E731
+            scipy.stats.norm.pdf(2 * w, scale=3 * np.exp(0.7 * z)) * scipy.stats.norm.pdf(z)
+        )
+        exact.append(np.log(scipy.integrate.quad(integrand, -9, 9, points=[0, 3])[0]))
+    np.testing.assert_allclose(found - found[0], np.array(exact) - exact[0], atol=0.02)
+
+
+def test_a_base_measure_that_is_sampled_is_the_posterior_by_quadrature():
+    """Two models of two outcomes; of the second no move was seen, so it has its base measure."""
+    successors = np.zeros((2, 2, 2), int)
+    successors[0], successors[1] = [0, 1], [1, 1]
+    available = np.array([[True, True], [True, False]])
+    models = sc.OutcomeModels(successors, [[0, 1], [0, 1]], available, 2)
+    problem = sc.TabularProblem(sc.Mdp(models, 0.0), np.zeros((2, 2, 1)), ("none",))
+    decisions = apart(0, 0, np.repeat([0, 1], [12, 1]))
+    fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(sampled=True))
+    found = sc.laplace(problem, decisions, fit)
+    assert found.open_strengths == ("deviation", "pseudo_count")
+    draws = laplace_module.interval_draws(found, np.random.default_rng(0))
+    share, log_c = np.linspace(0.005, 0.995, 199)[:, None], np.linspace(-2.5, 2.5, 101)
+    first, second = 2 * np.exp(log_c) * share, 2 * np.exp(log_c) * (1 - share)
+    log_density = -0.5 * (log_c / 0.5) ** 2
+    log_density = log_density + scipy.special.betaln(first + 12, second + 1)
+    density = np.exp(log_density - scipy.special.betaln(first, second))
+    density /= density.sum()
+    unseen = draws.outcome_probabilities[:, 1, 0]
+    mean = np.sum(density * share)
+    square = np.sum(density * first * (first + 1) / ((first + second) * (first + second + 1)))
+    assert unseen.mean() == pytest.approx(mean, abs=0.03)
+    assert unseen.std() == pytest.approx(np.sqrt(square - mean**2), abs=0.03)
+    counts = draws.pseudo_counts[:, 1]
+    assert np.mean(counts[:, 0] / counts.sum(axis=1)) == pytest.approx(mean, abs=0.03)
+    seen = draws.outcome_probabilities[:, 0, 0]
+    expected = np.sum(density * (first + 12) / (first + second + 13))
+    assert seen.mean() == pytest.approx(expected, abs=0.01)
 
 
 def test_chains_of_which_none_moves_are_no_result(monkeypatch):
