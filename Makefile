@@ -1,4 +1,4 @@
-# One command each: `make setup`, `make demo`, `make test`, `make check`, `make bench`.
+# One command each: `make setup`, `make demo`, `make test`, `make check`, `make benchmarks`.
 VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.10 || command -v python3)
@@ -14,12 +14,13 @@ unexport PYTHONDONTWRITEBYTECODE
 # Tests that `make site` runs.
 BY_SITE := tests/tools/test_notebooks.py tests/tools/test_site.py
 
-.PHONY: help setup build interfaces ubuntu demo test fuzz truth coverage check format lint types imports budget bench pictures reference site dist clean
+.PHONY: help setup build interfaces ubuntu demo test fuzz truth coverage check format lint types imports budget benchmarks pictures reference site dist clean
 
 help:
 	@echo "make setup     set up .venv with what the product needs"
 	@echo "make build     set up .venv with what developers need, and build the ROS workspace"
-	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help')"
+	@echo "make demo      the whole loop: demonstrate, record, learn, navigate, report  (ARGS='--help'),"
+	@echo "               and four robots on the same seeds"
 	@echo "make test      every test                                                    (ARGS='-k name')"
 	@echo "make interfaces  build nav2_msgs, which has no wheel, for tests and for Nav2 (needs g++)"
 	@echo "make ubuntu    tests of mathematics and strategy with NumPy and SciPy of Ubuntu 24.04"
@@ -28,7 +29,7 @@ help:
 	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, budget of lines, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
-	@echo "make bench     speed against peers, results as JSON"
+	@echo "make benchmarks  speed, results as JSON"
 	@echo "make pictures  draw the pictures of the documents again (needs Graphviz and Chromium)"
 	@echo "               after a change of the demo: make pictures ARGS='--demo demo_output/run-1'"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
@@ -55,6 +56,8 @@ ubuntu:
 
 demo: $(VENV)/.run
 	@$(BIN)/serd demo $(ARGS)
+	@echo "four robots now drive two tasks on eight seeds each, in some minutes; Ctrl-C leaves them out"
+	@$(BIN)/python -m lab robots --demo
 
 test: build
 	@$(BIN)/python -m pytest -n 3 --dist worksteal $(BY_SITE:%=--ignore=%) $(ARGS)
@@ -87,8 +90,8 @@ imports: $(VENV)/.all
 budget: $(VENV)/.all
 	@$(BIN)/python tools/check_budget.py
 
-bench: build
-	@$(BIN)/python -m lab bench $(ARGS)
+benchmarks: build
+	@$(BIN)/python -m lab benchmarks $(ARGS)
 
 pictures: build
 	@$(BIN)/python tools/draw_architecture.py

@@ -24,8 +24,8 @@ from serd_ros.process.executable import starting
 COMMANDS = {
     "demo": "Demonstrate, record, learn, navigate and report, through ROS 2.",
     "teleop": "Drive by hand in real time, and save or discard what is recorded.",
-    "watch": "Watch a live stack on a web page that drives nothing.",
-    "bag": "Inspect, check, repair, convert, map and play recordings.",
+    "watch": "Watch a running stack on a web page that drives nothing.",
+    "bag": "Rescue, inspect, check, convert, map and play recordings.",
     "look": "Write the first page about a recording, without a model.",
     "demos": "Turn recordings into the table of decisions to learn from.",
     "learn": "Learn rewards and dynamics from a table of decisions.",

@@ -1,4 +1,4 @@
-"""Commands of the studies: the hallway (chapter 5), detours and people, resumable."""
+"""Commands of the studies: the hallway (chapter 5), four robots and people, resumable."""
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -13,15 +13,14 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainin
 from lab import RESULTS
 from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import print_results
-from lab.experiments.study.detour.run import run_detour
-from lab.experiments.study.detour.settings import detour_settings
-from lab.experiments.study.detour.tables import headline as detour_headline
 from lab.experiments.study.hallway.run import run_study
 from lab.experiments.study.hallway.tables import headline
 from lab.experiments.study.people.run import run_people
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline as people_headline
 from lab.experiments.study.products import OnWork
+from lab.experiments.study.robots.run import run_robots
+from lab.experiments.study.robots.settings import DEMO, robots_settings
 from lab.experiments.study.settings import study_settings
 from serd_bag.files import require_folder
 from serd_cli.options import EXECUTION, Jobs
@@ -63,24 +62,27 @@ def hallway(
     _show(headline(tables), title, folder)
 
 
-def detour(
-    output: Annotated[Path | None, _output_of("detour")] = None,
+def robots(
+    output: Annotated[Path | None, _output_of("robots")] = None,
     quick: Quick = False,
-    config: Annotated[Path | None, _config_of("detour")] = None,
+    demo: Annotated[
+        bool, typer.Option("--demo", help="eight paired seeds in one place, a few minutes")
+    ] = False,
+    config: Annotated[Path | None, _config_of("robots")] = None,
     jobs: Jobs = EXECUTION.n_jobs,
 ) -> None:
-    """A ring corridor where the short way leads against the flow, which demonstrations avoid.
+    """Four robots on the same seeds, in two tasks: one needs the detour, one the short way.
 
-    python -m lab detour --quick
+    python -m lab robots --demo
 
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
-    folder = _folder("detour", output, quick=quick)
-    settings = detour_settings(quick=quick, config=config)
-    command = _command("detour", (), folder, quick=quick, config=config)
-    tables = _run(run_detour, settings, folder, Execution(jobs), command)
-    title = "Transfer task against the flow, reward without norm"
-    _show(detour_headline(tables), title, folder)
+    config = DEMO if demo and config is None else config
+    folder = _folder("robots_demo" if demo else "robots", output, quick=quick)
+    settings = robots_settings(quick=quick, config=config)
+    command = _command("robots", (), folder, quick=quick, config=config)
+    tables = _run(run_robots, settings, folder, Execution(jobs), command)
+    _show(tables["summary"], "Seconds to the goal on the same seeds", folder)
 
 
 def people(

@@ -125,7 +125,7 @@ def world(config: DurationsConfig, case: str, rng: np.random.Generator) -> World
     truth = models.parameters_from(outcomes, MEAN_S, config.shape)
     if case == FROM_PRIOR:
         place = models.means.start + AGAINST
-        precision = PRIOR.precision(models)[place]
+        precision = PRIOR.precision(models, truth)[place]
         others = truth[models.means] @ precision[models.means] - truth[place] * precision[place]
         truth[place] = rng.normal(-others / precision[place], 1.0 / np.sqrt(precision[place]))
     table = models.local_probabilities(truth)
@@ -218,7 +218,7 @@ def counted_draws(
     models, drawn = require_timed(problem.mdp.transitions), np.tile(theta, (n, 1))
     dwells = observe(problem, decisions).dwells
     assert dwells is not None
-    information = PRIOR.precision(models) - dwells.hessian(theta)
+    information = PRIOR.precision(models, theta) - dwells.hessian(theta)
     laws = slice(models.means.start, models.n_parameters)
     covariance = np.linalg.inv(information[laws, laws])
     drawn[:, laws] = rng.multivariate_normal(theta[laws], covariance, n)

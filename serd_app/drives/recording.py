@@ -108,8 +108,8 @@ def read_recording(
     of_table = is_table(path)
     if mapping is None and of_table:
         mapping = TableMapping()
-    if mapping is not None and not mapping.goal_area_m:
-        mapping = mapping.model_copy(update={"goal_area_m": goal_area_m})
+    if mapping is not None:
+        mapping = mapping.with_goal(goal_area_m)
     if of_table:
         found = _table(path, mapping if isinstance(mapping, TableMapping) else TableMapping())
     else:

@@ -17,6 +17,7 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.posterior.parameters import Parameters
+from serd_core.selection.joint_dynamics import JointDynamics
 from serd_core.semi_markov.models import require_timed
 from serd_files.grid_file import save_grid
 from serd_files.model_file import ModelFile
@@ -92,7 +93,8 @@ class FitOutcome:
     was found about dwell times, in sentences. prior_weight: the weight it used, None for methods
     without; validation: log-likelihood per validation decision of each candidate weight, empty
     where none was chosen. knowledge: None where the fit has no posterior. scenario_yaml: see
-    `LearningTask`. traps: from where the learned policy never arrives.
+    `LearningTask`. traps: from where the learned policy never arrives. judged: what speaks for
+    dynamics that are learned with the rewards, None where it was not asked.
     """
 
     fit: FitResult
@@ -105,6 +107,7 @@ class FitOutcome:
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
     durations: tuple[str, ...] = ()
+    judged: JointDynamics | None = None
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -138,6 +141,8 @@ class FitOutcome:
             found["prior_weight"] = self.prior_weight
         found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
         found |= asdict(self.traps)
+        if self.judged is not None:
+            found |= {"dynamics": self.judged.chosen, "point_estimate": self.judged.point}
         if self.knowledge is not None:
             start = asdict(self.knowledge.next_start)
             found |= {f"next_{name}": each for name, each in start.items()}
@@ -154,7 +159,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     keep_scenario(output, outcome.scenario_yaml)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
-    for name in ("posterior", "durations", "gain", "gain_map"):
+    for name in ("posterior", "durations", "weights", "gain", "gain_map"):
         delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
@@ -170,6 +175,7 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "learning": output.with_suffix(".learning.csv"),
         "posterior": output.with_suffix(".posterior.csv"),
         "durations": output.with_suffix(".durations.csv"),
+        "weights": output.with_suffix(".weights.csv"),
         "gain": output.with_suffix(".next_demonstration.csv"),
         "gain_map": output.with_suffix(".next_demonstration.png"),
     }

@@ -29,16 +29,16 @@ from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, posterior_policy
-from serd_core.bayes.strengths import strengths_of
+from serd_core.bayes.laplace import PosteriorDraws, laplace_draws, posterior_policy
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from serd_core.posterior.coordinates import feature_ranges
 from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
+from serd_core.selection.joint_dynamics import JointDynamics, judge_joint_dynamics
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
@@ -100,6 +100,10 @@ def learn(
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
     posterior = posterior_of(problem, decisions, found.fit)
+    judged = judged_of(problem, decisions, found.fit, rng.spawn(1)[0])
+    if judged is not None and judged.chosen != "joint":
+        found = replace(found, fit=judged.counted, prior=f"{found.prior}; dynamics are counted")
+        posterior = posterior_of(problem, decisions, found.fit)
     draws = None if posterior is None else laplace_draws(posterior, rng)
     fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
@@ -107,6 +111,7 @@ def learn(
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
     traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
     named = {"scenario": task.scenario, "method": settings.method, "prior": found.prior}
+    named["verdict"] = "" if judged is None else judged.sentence()
     n_episodes = len(decisions.episodes)
     model = model_of_fit(
         fit, task.problem, n_episodes=n_episodes, dynamics=dynamics, own_flow=task.own_flow, **named
@@ -114,7 +119,7 @@ def learn(
     plan = plan_of(paced, fit, driven, task.timeout_s)
     known = {
         "checks": _checks(task, decisions, settings, (problem, found, draws), plan, traps),
-        "features": features_of(task, found.fit, posterior, draws, settings),
+        "features": features_of(task, found.fit.feature_names),
     }
     return FitOutcome(
         fit,
@@ -127,6 +132,7 @@ def learn(
         None if posterior is None else knowledge_of(problem, posterior),
         task.scenario_yaml,
         durations=durations,
+        judged=judged,
     )
 
 
@@ -152,30 +158,9 @@ def _checks(
     return criticise(tested, np.random.default_rng(settings.seed))
 
 
-def features_of(
-    task: LearningTask,
-    fit: FitResult,
-    posterior: Laplace | None,
-    draws: PosteriorDraws | None,
-    settings: LearningSettings,
-) -> tuple[FeatureRecord, ...]:
-    """What is known of each feature: from data where its variance is below half of the prior's."""
-    known_from = [""] * len(fit.feature_names)
-    if posterior is not None and draws is not None:
-        width = feature_ranges(task.problem)
-        deviation = settings.reward_deviation * np.ones(len(width))
-        if fit.assumptions is not None:
-            strengths = strengths_of(fit.assumptions.prior, task.problem)
-            deviation = strengths.get("deviation", np.inf) / np.maximum(width, 1e-9)
-        shrunk = draws.reward.var(axis=0) < 0.5 * deviation**2
-        known_from = ["data" if each else "prior" for each in shrunk]
-    named = zip(fit.feature_names, known_from, strict=True)
-    taken = (
-        FeatureRecord.model_validate(
-            {"name": n, "known_from": k, "values": tuple(task.own_features.get(n, ()))}
-        )
-        for n, k in named
-    )
+def features_of(task: LearningTask, names: tuple[str, ...]) -> tuple[FeatureRecord, ...]:
+    """The features of a fit with their own values, and why others take no part."""
+    taken = (FeatureRecord(name=n, values=tuple(task.own_features.get(n, ()))) for n in names)
     unused = (FeatureRecord(name=n, left_out=why) for n, why in task.unused_features.items())
     return (*taken, *unused)
 
@@ -195,7 +180,7 @@ def demonstrator_of(
     """(S, A) soft policy of who drove, averaged over the posterior where the fit has one."""
     if draws is None:
         return fitted_policy(problem, fit)
-    return posterior_policy(problem, draws.select(slice(MOST_DRAWS)))
+    return posterior_policy(problem, draws)
 
 
 def _without_choice(settings: LearningSettings, prior_weight: float | None) -> LearningSettings:
@@ -232,6 +217,20 @@ def held_out_likelihood(
         )
         scores.append(move_log_likelihood(by_decisions, moves, policy, table))
     return np.asarray(logsumexp(scores, axis=0) - np.log(len(scores)))
+
+
+def judged_of(
+    problem: NavigationProblem, decisions: TimedDecisions, fit: FitResult, rng: np.random.Generator
+) -> JointDynamics | None:
+    """Whether rewards and dynamics may be learned together; None for fits that do not claim it.
+
+    Those state that beliefs are apart from the truth, choose their prior on left-out episodes, or
+    learn from hidden actions.
+    """
+    try:
+        return judge_joint_dynamics(problem, decisions, fit, rng)
+    except SerdError:
+        return None
 
 
 def _problem_of(

@@ -19,7 +19,6 @@ from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.grid.navigation import NavigationProblem
-from serd_files.model_file import ModelFile
 
 #: Plain values by name, which `summary_of` describes.
 Summary = dict[str, Any]
@@ -103,24 +102,11 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
         "n_steps": int(fit.n_steps),
         "objective": float(fit.objective),
         "reward_weights": dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
-        "reward_intervals_90": _intervals(file),
-        "features_known_from": {
-            each.name: each.known_from for each in file.features if not each.left_out
-        },
         "features_left_out": {each.name: each.left_out for each in file.features if each.left_out},
         "decisions_per_model": dict(zip(models, known_decisions(inputs).tolist(), strict=True)),
         "outcome_probabilities": dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
         "initial_outcome_probabilities": dict(zip(models, initial, strict=True)),
     }
-
-
-def _intervals(file: ModelFile) -> dict[str, tuple[float, float]]:
-    """90 % of the posterior of each reward weight; none where the fit has no posterior."""
-    if not file.draws.reward_weights:
-        return {}
-    low, high = np.quantile(file.draws.reward_weights, (0.05, 0.95), axis=0)
-    ends = zip(low.tolist(), high.tolist(), strict=True)
-    return dict(zip(file.feature_names, ends, strict=True))
 
 
 def headline_of(summary: Summary) -> str:

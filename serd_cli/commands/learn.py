@@ -2,9 +2,9 @@
 
 What 'serd demos' wrote beside the table must still be there.
 model.grid.yaml and model.learning.csv are written beside the model; with
-a prior by evidence also model.posterior.csv and model.durations.csv, and
-the information that a demonstration from each cell is expected to add:
-model.next_demonstration.csv and .png.
+a prior by evidence also model.posterior.csv, model.weights.csv and
+model.durations.csv, and the information that a demonstration from each
+cell is expected to add: model.next_demonstration.csv and .png.
 
 Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
 knows the dynamics; prior by evidence, predictions averaged over the

@@ -19,8 +19,9 @@ import scipy.optimize
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
 from serd_core.ascent.trust_region import SHORT, NewtonAscent
+from serd_core.bayes.hyperpriors import HYPERPRIORS
 from serd_core.bayes.laplace import laplace_at
-from serd_core.checks import require_positive
+from serd_core.checks import require_kind, require_positive
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -34,14 +35,8 @@ from serd_core.priors.prior import GaussianPrior, Prior, terms_of
 from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.models import has_laws
 
-#: Median of each strength and spread of its logarithm, whose density is normal: sigma in nats over
-#: the range of a feature, c in observations, rho a factor, that of log mean dwell times in nats.
-HYPERPRIORS = {
-    "deviation": (3.0, 0.7),
-    "pseudo_count": (1.0, 0.5),
-    "intended_ratio": (1.0, 1.5),
-    "dwell_deviation": (1.0, 0.5),
-}
+#: Name of rho.
+INTENDED = "intended_ratio"
 
 
 @dataclass(frozen=True)
@@ -52,8 +47,9 @@ class PriorByEvidence:
     outcomes; dwell_deviation: sd of log mean dwell times around a common one, where moves take time
     (`DwellPrior`); intended_ratio: rho, of models with an intended outcome. None for the one of
     highest evidence. Few laws hold hardly any evidence of their deviation, and a small one makes
-    moves that nobody makes as fast as the others; the search for rho may end at a bad maximum
-    (docs/evidence.md).
+    moves that nobody makes as fast as the others. sampled: whether draws of the posterior have
+    strengths of their own, one of each weight and a base measure of outcomes
+    (`serd_core.bayes.hyperpriors`), for those not given.
 
         fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(pseudo_count=1.0))
     """
@@ -61,9 +57,11 @@ class PriorByEvidence:
     deviation: float | None = None
     pseudo_count: float | None = None
     dwell_deviation: float | None = 1.0
-    intended_ratio: float | None = 1.0
+    intended_ratio: float | None = None
+    sampled: bool = False
 
     def __post_init__(self) -> None:
+        require_kind("sampled of PriorByEvidence", self.sampled, (bool,), "True")
         for name in HYPERPRIORS:
             if (value := getattr(self, name)) is not None:
                 require_positive(f"{name} of PriorByEvidence", value, "use None to find it")
@@ -76,7 +74,7 @@ class PriorByEvidence:
             intends = isinstance(model.moves, OutcomeModels) and model.moves.intended is not None
             # To models without intended outcomes a given one is refused by the prior.
             if intends or self.intended_ratio is not None:
-                given["intended_ratio"] = self.intended_ratio
+                given[INTENDED] = self.intended_ratio
             if has_laws(model):
                 given["dwell_deviation"] = self.dwell_deviation
         if isinstance(belief, CoupledBelief):
@@ -98,6 +96,10 @@ class Strengths:
     def open(self) -> tuple[str, ...]:
         """Names of those to find."""
         return tuple(name for name, value in self.given if value is None)
+
+    def with_given(self, name: str, value: float) -> "Strengths":
+        """The same with one more that is given."""
+        return Strengths(self.belief, tuple((dict(self.given) | {name: value}).items()))
 
     @property
     def start(self) -> FloatArray:
@@ -134,7 +136,7 @@ class Strengths:
         if (Block.BELIEF,) in self.belief.groups:
             blocks.append(Block.BELIEF)
         for block in blocks:
-            ratio = values.get("intended_ratio", 1.0)
+            ratio = values.get(INTENDED, 1.0)
             prior = prior + DirichletPrior(values["pseudo_count"], block, ratio)
             if "dwell_deviation" in values:
                 prior = prior + DwellPrior(values["dwell_deviation"], block)
@@ -149,7 +151,7 @@ def strengths_of(prior: Prior, problem: Problem) -> dict[str, float]:
             widths = np.atleast_1d(term.standard_deviation) * feature_ranges(problem)
             found["deviation"] = float(widths[0])
         elif isinstance(term, DirichletPrior):
-            found |= {"pseudo_count": term.pseudo_count, "intended_ratio": term.intended_ratio}
+            found |= {"pseudo_count": term.pseudo_count, INTENDED: term.intended_ratio}
         elif isinstance(term, DwellPrior):
             found["dwell_deviation"] = term.deviation
     return found
@@ -230,12 +232,15 @@ class EvidenceOfStrengths:
     """Log evidence and log hyperprior as a function of (h,) logs of strengths.
 
     The maximum u* of the posterior moves by du*/dlog = M^-1 d2J / du dlog. So the slope of the
-    evidence takes one more Hessian per strength, and no search.
+    evidence takes one more Hessian per strength, and no search. Where the posterior has several
+    maxima, the value depends on the one that a search comes from; best: the least loss, with the
+    logs and the maximum it was found at.
     """
 
     search: EvidenceSearch
     strengths: Strengths
     last: tuple[FloatArray, FloatArray] | None = None
+    best: tuple[float, FloatArray, FloatArray] | None = None
 
     def loss(self, logs: FloatArray) -> tuple[float, FloatArray]:
         """Minus the sum, and its (h,) gradient."""
@@ -259,7 +264,10 @@ class EvidenceOfStrengths:
             moves[number] = move / WIDTH
         self.last = (logs.copy(), moves)
         value, hyper_slope = strengths.log_density(logs)
-        return -here.log_evidence - value, -slope - hyper_slope
+        loss = -here.log_evidence - value
+        if self.best is None or loss < self.best[0]:
+            self.best = loss, logs.copy(), here.mode
+        return loss, -slope - hyper_slope
 
     def _evidence_near(self, side: LogPosterior, mode: FloatArray, move: FloatArray) -> float:
         """Log evidence where the tangent leads; where that is no maximum, after a search."""
@@ -330,9 +338,29 @@ def fit_by_evidence(
 def best_strengths(
     search: EvidenceSearch, strengths: Strengths, start: FloatArray
 ) -> tuple[FloatArray, str]:
-    """(h,) logs of the strengths of highest evidence, and why they are not, where they are not."""
+    """(h,) logs of the strengths of highest evidence, and why they are not, where they are not.
+
+    A ratio of the intended outcome is looked for from the best symmetric prior on, and is 1 where
+    that search fails.
+    """
     if not strengths.open:
         return start, ""
+    if INTENDED not in strengths.open:
+        return _searched(search, strengths, start)
+    symmetric = strengths.with_given(INTENDED, 1.0)
+    logs, failure = best_strengths(search, symmetric, symmetric.logs(strengths.values(start)))
+    mode, start = search.mode, strengths.logs(symmetric.values(logs))
+    found, failed = _searched(search, strengths, start)
+    if not failed:
+        return found, ""
+    search.mode = mode
+    return start, failure
+
+
+def _searched(
+    search: EvidenceSearch, strengths: Strengths, start: FloatArray
+) -> tuple[FloatArray, str]:
+    """The same for strengths that are looked for together, of which one is open at least."""
     evidence = EvidenceOfStrengths(search, strengths)
     middle, reach, failure = strengths.start, FARTHEST * strengths.spreads, ""
     bounds = np.stack([middle - reach, middle + reach], axis=1)
@@ -366,4 +394,6 @@ def best_strengths(
     except SerdError as error:
         last = start if evidence.last is None else evidence.last[0]
         return last, str(error)
+    if evidence.best is not None and evidence.best[0] < found.fun - AT_A_KINK:
+        _, found.x, search.mode = evidence.best
     return np.asarray(found.x), failure

@@ -29,9 +29,8 @@ from serd_core.mdp.problem import unique_names
 from serd_core.semi_markov.models import NO_LAW, semi_markov_problem
 
 MODEL_NAMES = ("with_flow", "against_flow", "across_flow", "waiting")
-SOCIAL_NORM = "social_norm"
-WALL_DISTANCE = "inverse_wall_distance"
-FEATURE_NAMES = ("goal", SOCIAL_NORM, WALL_DISTANCE)
+GOAL, SOCIAL_NORM, WALL_DISTANCE = "goal", "social_norm", "inverse_wall_distance"
+FEATURE_NAMES = (GOAL, SOCIAL_NORM, WALL_DISTANCE)
 
 WITH_FLOW, AGAINST_FLOW, ACROSS_FLOW, WAITING = range(4)
 NO_FLOW = -1

@@ -15,14 +15,16 @@ with the weight W = sum of their probabilities; with q the share of a part in a 
     log mean_d ~ Normal(l, sd^2),   l ~ Normal(0, WIDE^2),   log shape_d ~ Normal(log 4, 1)
 
 Means are in seconds. l is integrated out: the log means have the covariance sd^2 I + WIDE^2 1 1^T.
-A narrow sd bends the durations of moves that nobody makes to those of the others.
+A narrow sd bends the durations of moves that nobody makes to those of the others. A decision that
+has not moved ends in its own state after T seconds, so moves take less. Where T is given, the prior
+density is multiplied by Phi((log T_d - log mean_d) / BLUR), and divided by the integral of all.
 """
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import log_ndtr, ndtri
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray, weighted_counts
 from serd_core.ascent.ascent import Objective
@@ -257,6 +259,8 @@ def dwell_times(
 
 #: Standard deviation of the common log mean; median shape and sd of its logarithm.
 WIDE, MEDIAN_SHAPE, SHAPE_DEVIATION = 3.0, 4.0, 1.0
+#: Width in nats of the bound on log means, so that maxima are not on it.
+BLUR = 0.2
 
 
 @dataclass(frozen=True)
@@ -264,7 +268,8 @@ class DwellPrior(Prior):
     """A prior on laws of dwell times, which completes the prior on outcomes of the same block.
 
     deviation: sd of the log means around a common one, which is free; log shapes are normal around
-    log 4 with sd 1. block: `Block.TRUTH` or `Block.BELIEF`. SerdError where moves take no time.
+    log 4 with sd 1. Means are below the time after which a decision that has not moved ends, where
+    there is one. block: `Block.TRUTH` or `Block.BELIEF`. SerdError where moves take no time.
 
         prior = sc.DirichletPrior(1.0) + sc.DwellPrior(1.0)
     """
@@ -282,22 +287,32 @@ class DwellPrior(Prior):
         return ()
 
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
-        timed = require_timed(model)
-        away, pull = parameters.block(self.block) - self.mean(timed), np.zeros(timed.n_parameters)
-        means, shapes = away[timed.means], away[timed.shapes]
-        pull[timed.means] = (means - self._shared(timed) * means.sum()) / self.deviation**2
-        pull[timed.shapes] = shapes / SHAPE_DEVIATION**2
-        return LogPrior(-0.5 * float(away @ pull), parameters.zeros().with_block(self.block, -pull))
+        value, slope = self.of_laws(require_timed(model), parameters.block(self.block))
+        return LogPrior(value, parameters.zeros().with_block(self.block, slope))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
-        return parameters.placed(self.block, -self.precision(require_timed(model)))
+        table = self.precision(require_timed(model), parameters.block(self.block))
+        return parameters.placed(self.block, -table)
 
     def log_constant(self, model: TransitionModel, parameters: Parameters) -> float:
         del parameters
-        n, variance = require_timed(model).n_laws, self.deviation**2
+        timed, variance = require_timed(model), self.deviation**2
+        n = timed.n_laws
         log_det = (n - 1) * np.log(variance) + np.log(variance + n * WIDE**2)
         log_det += 2.0 * n * np.log(SHAPE_DEVIATION)
-        return -0.5 * float(log_det) - n * float(np.log(2.0 * np.pi))
+        within = self._log_share_below(_log_longest(timed))
+        return -0.5 * float(log_det) - n * float(np.log(2.0 * np.pi)) - within
+
+    def of_laws(self, model: SemiMarkovModels, theta: FloatArray) -> tuple[float, FloatArray]:
+        """Log density up to `log_constant`, and its (N,) gradient, at (N,) parameters."""
+        away, pull = theta - self.mean(model), np.zeros(model.n_parameters)
+        means, shapes = away[model.means], away[model.shapes]
+        pull[model.means] = (means - self._shared(model) * means.sum()) / self.deviation**2
+        pull[model.shapes] = shapes / SHAPE_DEVIATION**2
+        below, slope, _ = _log_below(_log_longest(model) - theta[model.means])
+        value = -0.5 * float(away @ pull) + float(below.sum())
+        pull[model.means] += slope
+        return value, -pull
 
     def mean(self, model: SemiMarkovModels) -> FloatArray:
         """(N,) prior mean of log means and log shapes; 0 for energies."""
@@ -305,16 +320,51 @@ class DwellPrior(Prior):
         found[model.shapes] = np.log(MEDIAN_SHAPE)
         return found
 
-    def precision(self, model: SemiMarkovModels) -> FloatArray:
-        """(N, N) inverse covariance, 0 for energies; of log means by Sherman and Morrison."""
+    def precision(self, model: SemiMarkovModels, theta: FloatArray) -> FloatArray:
+        """(N, N) minus the second derivatives at (N,) parameters, 0 for energies.
+
+        The inverse of the covariance of log means is by Sherman and Morrison.
+        """
         table, identity = np.zeros((model.n_parameters,) * 2), np.eye(model.n_laws)
-        table[model.means, model.means] = (identity - self._shared(model)) / self.deviation**2
+        _, _, bend = _log_below(_log_longest(model) - theta[model.means])
+        normal = (identity - self._shared(model)) / self.deviation**2
+        table[model.means, model.means] = normal - np.diag(bend)
         table[model.shapes, model.shapes] = identity / SHAPE_DEVIATION**2
         return table
+
+    def _log_share_below(self, log_longest: FloatArray) -> float:
+        """Log of the share of the normal density that the bounds leave, by the trapezoidal rule."""
+        spread = float(np.hypot(self.deviation, BLUR))
+        common = np.arange(-8.0 * WIDE, 8.0 * WIDE, spread / 4.0)
+        logs = log_ndtr((log_longest - common[:, None]) / spread).sum(axis=1)
+        logs -= 0.5 * (common / WIDE) ** 2
+        return float(np.log(np.exp(logs).sum() * spread / 4.0 / WIDE / np.sqrt(2.0 * np.pi)))
 
     def _shared(self, model: SemiMarkovModels) -> float:
         """What each log mean has of the sum of all, in units of the precision of one."""
         return WIDE**2 / (self.deviation**2 + model.n_laws * WIDE**2)
+
+
+def _log_longest(model: SemiMarkovModels) -> FloatArray:
+    """(D,) logs of the seconds after which a decision that has not moved ends; inf where none."""
+    longest = np.zeros(model.n_laws)
+    has_law = model.law_of >= 0
+    stay_s = np.broadcast_to(model.stay_s[:, None], has_law.shape)
+    np.maximum.at(longest, model.law_of[has_law], stay_s[has_law])
+    return np.log(np.where(longest > 0, longest, np.inf))
+
+
+def _log_below(room: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """log Phi(room / BLUR) of (D,) log bounds less log means.
+
+    Also the first derivative by the room, and the second.
+    """
+    away = np.where(np.isfinite(room), room / BLUR, 0.0)
+    logs = log_ndtr(away)
+    hazard = np.exp(-0.5 * away**2 - logs) / np.sqrt(2.0 * np.pi)
+    found = logs, hazard / BLUR, -hazard * (away + hazard) / BLUR**2
+    value, slope, bend = (np.where(np.isfinite(room), each, 0.0) for each in found)
+    return value, slope, bend
 
 
 #: With the usual deviation of log means around their common one.
@@ -332,15 +382,14 @@ class _LawPosterior(Objective):
 
     def evaluate(self, vector: FloatArray) -> tuple[float, FloatArray]:
         theta = np.concatenate([self.energies, vector])
-        away = theta - self.prior.mean(self.model)
-        pull = self.prior.precision(self.model) @ away
         value, slope = self.dwells.evaluate(theta)
-        return value - 0.5 * float(away @ pull), (slope - pull)[len(self.energies) :]
+        of_prior, pull = self.prior.of_laws(self.model, theta)
+        return value + of_prior, (slope + pull)[len(self.energies) :]
 
     def hessian(self, vector: FloatArray) -> FloatArray:
-        bend = self.dwells.hessian(np.concatenate([self.energies, vector]))
-        laws = slice(len(self.energies), None)
-        return (bend - self.prior.precision(self.model))[laws, laws]
+        theta, laws = np.concatenate([self.energies, vector]), slice(len(self.energies), None)
+        bend = self.dwells.hessian(theta)
+        return (bend - self.prior.precision(self.model, theta))[laws, laws]
 
 
 def counted_parameters(

@@ -17,7 +17,7 @@ LEARN = "learn decisions.csv"
 REFUSED = (
     ("bga", "No such command 'bga'. Did you mean 'bag'?"),
     ("learn ''", "TABLE must name a file or folder, got an empty text; write . for"),
-    ("bag recover bag --output=", "--output must name a file or folder, got an empty text"),
+    ("bag rescue bag --output=", "--output must name a file or folder, got an empty text"),
     ("bag info nowhere", "cannot read nowhere: it does not exist"),
     ("bag convert bag --compression gzip", "'none', 'zstd'"),
     ("bag play bag --topic intnt", "did you mean '/intent'?"),

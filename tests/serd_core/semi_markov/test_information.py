@@ -111,7 +111,7 @@ def test_the_gain_is_that_of_the_scores_of_sampled_demonstrations():
     decisions = rings.demonstrations(timed, truth, np.random.default_rng(3), until_command_s=1e6)
     fit = sc.fit_mdce_serd(timed, decisions)
     found = sc.laplace(timed, decisions, fit)
-    start, length, n_episodes = 9, 5, 2000
+    start, length, n_episodes = 9, 5, 8000
     table = timed.mdp.transitions.local_probabilities(fit.parameters.truth)
     policy = sc.soft_policy(timed, fit.reward_weights, table).probabilities
     size = {"n_episodes": n_episodes, "n_steps": length, "rng": np.random.default_rng(4)}

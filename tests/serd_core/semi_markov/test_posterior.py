@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.integrate
 from scipy.stats import gamma
 
 import serd_core as sc
@@ -13,6 +14,7 @@ from serd_core.learners.start import starting_parameters
 from serd_core.policies.solved_policy import MdcePolicy
 from serd_core.posterior.coordinates import LogPosterior, coordinates
 from serd_core.posterior.posterior import Posterior
+from serd_core.semi_markov.dwell_likelihood import BLUR, DwellPrior
 from tests.serd_core.semi_markov.test_models import differences
 from tests.support import semi_markov as rings
 
@@ -132,3 +134,38 @@ def test_a_posterior_needs_a_density_of_dwell_times(learned):
     without = replace(fit, assumptions=replace(fit.assumptions, prior=prior))
     with pytest.raises(sc.SerdError, match="dwell times of the block belief or truth too, got no"):
         sc.laplace(timed, decisions, without)
+
+
+@pytest.mark.parametrize("deviation", [0.3, 1.0])
+def test_the_prior_on_dwell_times_is_a_density_whose_means_are_below_the_patience(deviation):
+    """By quadrature over two log means; their shapes are normal."""
+    law_of = np.array([[0, 0, 0], [1, 1, 1], [-1, -1, -1]])
+    timed = sc.semi_markov_problem(rings.ring(), law_of=law_of, stay_s=np.array([4.0, 0.0, 1.0]))
+    models, prior = timed.mdp.transitions, DwellPrior(deviation)
+    theta = models.parameters_from(rings.OUTCOMES, 1.0, 4.0)
+    like = starting_parameters(timed, MdcePolicy(), rings.WEIGHTS, theta, sc.TiedBelief())
+    grid = np.linspace(-21.0, 21.0, 281)
+    logs = np.array([[value_at(prior, models, like, (a, b)) for b in grid] for a in grid])
+    density = np.exp(logs + prior.log_constant(models, like) + np.log(2.0 * np.pi))
+    total = scipy.integrate.trapezoid(scipy.integrate.trapezoid(density, grid), grid)
+    assert total == pytest.approx(1.0, abs=1e-6)
+    of_bounded = scipy.integrate.trapezoid(density, grid, axis=1)
+    beyond = grid > np.log(4.0) + 3.0 * BLUR
+    assert scipy.integrate.trapezoid(of_bounded[beyond], grid[beyond]) < 1e-4
+
+
+def value_at(prior, models, like, log_means):
+    """Log density at two log means, up to that of the shapes at their medians."""
+    theta = like.truth.copy()
+    theta[models.means] = log_means
+    return prior.of_laws(models, theta)[0]
+
+
+def test_a_move_that_is_avoided_takes_no_longer_than_a_robot_waits():
+    timed, truth = rings.timed_ring("and patience")
+    rng = np.random.default_rng(11)
+    decisions = rings.demonstrations(timed, truth, rng, n_episodes=30, starts=np.arange(4, 8))
+    fit = sc.fit_mdce_serd(timed, decisions)
+    draws = sc.laplace_draws(sc.laplace(timed, decisions, fit), np.random.default_rng(1), 400)
+    seconds = np.exp(draws.truth[:, timed.mdp.transitions.means])
+    assert np.quantile(seconds, 0.95, axis=0).max() < 4.0 * np.exp(2.0 * BLUR)

@@ -1,1 +1,0 @@
-"""The detour study: a ring corridor where the short way leads against the flow."""

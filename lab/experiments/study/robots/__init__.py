@@ -1,0 +1,1 @@
+"""Four robots on the same seeds: what learned rewards and dynamics are worth in two tasks."""
