@@ -12,9 +12,9 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
-from serd_app.journeys.look import Looked
 from serd_app.learning.criticism import interval_text
 from serd_app.report.inputs import in_words
+from serd_app.report.look import Looked
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import seconds_in_words
 from serd_core.arrays import FloatArray

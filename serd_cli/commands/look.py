@@ -29,7 +29,7 @@ def look(
     as_json: AsJson = False,
 ) -> None:
     """Parse the options, write the page and print what is known."""
-    from serd_app.journeys.look import look as look_at
+    from serd_app.report.look import look as look_at
     from serd_app.report.look_page import write_look
     from serd_bag.files import require_folder
     from serd_cli.output.terminal import console, print_json

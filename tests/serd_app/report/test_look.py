@@ -8,7 +8,7 @@ import pytest
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from serd_app.journeys.look import look
+from serd_app.report.look import look
 from serd_app.report.look_page import look_page
 from serd_bag.errors import FileError
 from support.commands import run_serd
