@@ -53,6 +53,6 @@ def _draw_arrivals(axes: Axes, drives: pd.DataFrame) -> None:
             linestyle=line,
             label=label,
         )
-        axes.plot(mean_s, -0.04, "^", color=colour, markersize=6, clip_on=False)
+        axes.plot(mean_s, 0.02, "^", color=colour, markersize=8, markeredgecolor="white", zorder=5)
     axes.set(xlim=(0, end_s), ylim=(0, 1.02), xlabel="seconds (triangle: mean)")
     axes.grid()
