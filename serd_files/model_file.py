@@ -124,7 +124,6 @@ class ModelFile(StrictModel):
     flow: picture of the direction people walk in per cell, as `serd_files.grid_file` has it;
     none where it is that of the scenario.
     draws: none where the fit has no posterior.
-    verdict: whether rewards and dynamics could be learned together; empty where it was not asked.
     goals_m: centres of the goal cells.
     discount: of a second. patience_s: after which a decision that led nowhere ended.
     pace: multiplier of dwell times in each cell, in the order of the states; none where places do
@@ -151,7 +150,6 @@ class ModelFile(StrictModel):
     goals_m: tuple[tuple[float, float], ...] = ()
     pace: tuple[Positive, ...] = ()
     fit: FitRecord
-    verdict: str = ""
     draws: ModelDraws = ModelDraws()
     checks: tuple[Check, ...] = ()
     features: tuple[FeatureRecord, ...] = ()
@@ -281,7 +279,6 @@ def model_of_fit(
     n_episodes: int,
     dynamics: LearnedDynamics,
     own_flow: bool = False,
-    verdict: str = "",
 ) -> ModelFile:
     """The fit of a navigation problem, whose decisions take time, as a model file.
 
@@ -320,7 +317,6 @@ def model_of_fit(
         goals_m=tuple((float(x), float(y)) for x, y in problem.grid.centers_m[problem.goal_states]),
         pace=tuple(np.exp(dynamics.log_pace).tolist()) if dynamics.log_pace.any() else (),
         fit=FitRecord(n_episodes=n_episodes, **values),
-        verdict=verdict,
         draws=ModelDraws()
         if dynamics.draws is None
         else ModelDraws.model_validate(

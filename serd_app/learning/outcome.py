@@ -17,7 +17,6 @@ from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.posterior.parameters import Parameters
-from serd_core.selection.joint_dynamics import JointDynamics
 from serd_core.semi_markov.models import require_timed
 from serd_files.grid_file import save_grid
 from serd_files.model_file import ModelFile
@@ -93,8 +92,7 @@ class FitOutcome:
     was found about dwell times, in sentences. prior_weight: the weight it used, None for methods
     without; validation: log-likelihood per validation decision of each candidate weight, empty
     where none was chosen. knowledge: None where the fit has no posterior. scenario_yaml: see
-    `LearningTask`. traps: from where the learned policy never arrives. judged: what speaks for
-    dynamics that are learned with the rewards, None where it was not asked.
+    `LearningTask`. traps: from where the learned policy never arrives.
     """
 
     fit: FitResult
@@ -107,7 +105,6 @@ class FitOutcome:
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
     durations: tuple[str, ...] = ()
-    judged: JointDynamics | None = None
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -141,8 +138,6 @@ class FitOutcome:
             found["prior_weight"] = self.prior_weight
         found |= {f"weight.{name}": each for name, each in self.model.reward_weights.items()}
         found |= asdict(self.traps)
-        if self.judged is not None:
-            found |= {"dynamics": self.judged.chosen, "point_estimate": self.judged.point}
         if self.knowledge is not None:
             start = asdict(self.knowledge.next_start)
             found |= {f"next_{name}": each for name, each in start.items()}

@@ -32,13 +32,11 @@ from serd_core.arrays import FloatArray
 from serd_core.bayes.laplace import PosteriorDraws, laplace_draws, posterior_policy
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
-from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
-from serd_core.selection.joint_dynamics import JointDynamics, judge_joint_dynamics
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
@@ -100,10 +98,6 @@ def learn(
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
     posterior = posterior_of(problem, decisions, found.fit)
-    judged = judged_of(problem, decisions, found.fit, rng.spawn(1)[0])
-    if judged is not None and judged.chosen != "joint":
-        found = replace(found, fit=judged.counted, prior=f"{found.prior}; dynamics are counted")
-        posterior = posterior_of(problem, decisions, found.fit)
     draws = None if posterior is None else laplace_draws(posterior, rng)
     fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
@@ -111,7 +105,6 @@ def learn(
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
     traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
     named = {"scenario": task.scenario, "method": settings.method, "prior": found.prior}
-    named["verdict"] = "" if judged is None else judged.sentence()
     n_episodes = len(decisions.episodes)
     model = model_of_fit(
         fit, task.problem, n_episodes=n_episodes, dynamics=dynamics, own_flow=task.own_flow, **named
@@ -132,7 +125,6 @@ def learn(
         None if posterior is None else knowledge_of(problem, posterior),
         task.scenario_yaml,
         durations=durations,
-        judged=judged,
     )
 
 
@@ -217,20 +209,6 @@ def held_out_likelihood(
         )
         scores.append(move_log_likelihood(by_decisions, moves, policy, table))
     return np.asarray(logsumexp(scores, axis=0) - np.log(len(scores)))
-
-
-def judged_of(
-    problem: NavigationProblem, decisions: TimedDecisions, fit: FitResult, rng: np.random.Generator
-) -> JointDynamics | None:
-    """Whether rewards and dynamics may be learned together; None for fits that do not claim it.
-
-    Those state that beliefs are apart from the truth, choose their prior on left-out episodes, or
-    learn from hidden actions.
-    """
-    try:
-        return judge_joint_dynamics(problem, decisions, fit, rng)
-    except SerdError:
-        return None
 
 
 def _problem_of(

@@ -66,7 +66,7 @@ class LearningSettings(RecipeSettings):
     minimum_decisions: int = setting(20, "refuse to learn from fewer decisions", live="any", ge=1)
     seed: int = setting(0, "seed of the choice of validation episodes and of samples", ge=0)
     held_out_groups: int = setting(
-        5,
+        0,
         "groups of drives that are left out one after another to test the model; 0: no test",
         ge=0,
     )

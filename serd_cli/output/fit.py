@@ -62,9 +62,6 @@ def print_learned(learned: Learned) -> None:
             console.print(f"  {line}", soft_wrap=True)
     for line in outcome.durations:
         console.print(line, soft_wrap=True)
-    if outcome.judged is not None:
-        style = None if outcome.judged.chosen == "joint" else "yellow"
-        console.print(outcome.judged.sentence(), style=style, soft_wrap=True)
     style = "yellow" if outcome.traps.n_looping_cells else None
     console.print(outcome.traps.sentence(), style=style, soft_wrap=True)
     console.print("Whether the data support it:", style="bold")
