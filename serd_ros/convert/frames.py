@@ -150,8 +150,10 @@ class Frames(FrameGraph):
         time_ns = newest_ns if at_ns is None or newest_ns is None else at_ns
         if at_ns is not None:
             self._require_reached(chain, at_ns)
-        times_ns = np.array([time_ns or 0])
-        matrix = self.placement(*found, lambda child: self._histories[child].at(times_ns)[0])[0]
+        matrix = np.eye(4)  # of a frame in itself
+        if chain:
+            at = np.array([time_ns or 0])
+            matrix = self.placement(*found, lambda child: self._histories[child].at(at)[0])[0]
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
             turned = matrix[2, 2] < -_LEAST_UPRIGHT
             raise MessageError(

@@ -34,7 +34,7 @@ REFUSED = (
     (f"{DEMOS} --mapping m.yaml --output m.csv", "m.csv would overwrite m.yaml"),
     ("demos empty --scenario m.yaml --output m.csv", "--output must not overwrite what is read"),
     ("demos bag people.csv --cell-size-m 1 --mapping cm.yaml", "must be for bags or for tables"),
-    ("demos bag --scenario hallway --mapping wish.yaml", "'serd bag suggest bag' writes a mapping"),
+    ("demos bag --scenario hallway --mapping wish.yaml", "needs no mapping; run 'serd demos bag"),
     ("demos amcl --scenario hallway", "it holds no robot_pose but /amcl, /episode, /intent; "),
     ("demos far --scenario hallway", "no decision to learn from"),
     (f"{LEARN} --goal 0.5", "goal must be two numbers 'x, y' (m), got '0.5'"),
