@@ -58,8 +58,8 @@ class ArrivalSettings(StrictModel):
     episodes: int = Field(ge=1)
 
 
-class WorldSettings(StrictModel):
-    """What every study states: where it is recorded, and how learners are compared."""
+class StudySettings(StrictModel):
+    """Everything that decides what comes out of the hallway study."""
 
     scenario: str
     people: int = Field(ge=1)
@@ -70,58 +70,28 @@ class WorldSettings(StrictModel):
     demonstrations: DemonstrationSettings
     reference: ReferenceSettings
     learning: ComparisonSettings
+    beliefs: BeliefSettings
+    arrival: ArrivalSettings
     statistics: StatisticsSettings
 
     def n_repetitions(self, expert: str) -> int:
         """How often an expert's demonstrations are recorded anew."""
-        del expert
-        return self.learning.repetitions
+        return (self.learning if expert == PEOPLE else self.beliefs).repetitions
 
     def repetitions_of(self, experts: Sequence[str]) -> list[tuple[str, int]]:
         """(expert, number) of each repetition."""
         return [(each, number) for each in experts for number in range(self.n_repetitions(each))]
 
-    @property
-    def planned_weights(self) -> tuple[float, ...]:
-        """Reward weights of planned experts."""
-        raise NotImplementedError
-
-    @property
-    def all_sizes(self) -> tuple[Sizes, ...]:
-        """Numbers of demonstrations learned from."""
-        return (self.learning.sizes,)
-
     @model_validator(mode="after")
-    def _sizes_fit(self) -> "WorldSettings":
+    def _sizes_fit(self) -> "StudySettings":
         most = self.demonstrations.training
-        for sizes in self.all_sizes:
+        for sizes in (self.learning.sizes, self.beliefs.sizes):
             if min(sizes) < 2 or max(sizes) > most or list(sizes) != sorted(set(sizes)):
                 raise ValueError(
                     f"sizes must grow from at least 2 to at most demonstrations.training ({most}),"
                     f" got {list(sizes)}"
                 )
         return self
-
-
-class StudySettings(WorldSettings):
-    """Everything that decides what comes out of the hallway study."""
-
-    beliefs: BeliefSettings
-    arrival: ArrivalSettings
-
-    def n_repetitions(self, expert: str) -> int:
-        """How often an expert's demonstrations are recorded anew."""
-        return (self.learning if expert == PEOPLE else self.beliefs).repetitions
-
-    @property
-    def planned_weights(self) -> tuple[float, ...]:
-        """Reward weights of planned experts."""
-        return self.beliefs.reward_weights
-
-    @property
-    def all_sizes(self) -> tuple[Sizes, ...]:
-        """Numbers of demonstrations learned from."""
-        return self.learning.sizes, self.beliefs.sizes
 
 
 SettingsT = TypeVar("SettingsT", bound=StrictModel)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.experiments.study.settings import StudySettings, WorldSettings
+from lab.experiments.study.settings import StudySettings
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
@@ -19,26 +19,19 @@ from serd_sim.scenario.scenario import Scenario, load_scenario
 TRAIN_AREA, TRANSFER_AREA = "train", "transfer"
 
 
-def scenario_with(name: str, people: int, *, crowd: str, drive: str) -> Scenario:
-    """A scenario with a number of people of a crowd model, and the drive of its robot."""
-    place = load_scenario(name).with_values("robot", drive=drive)
-    return place.with_values("pedestrians", count=people, model=crowd)
-
-
 @dataclass(frozen=True)
-class StudyWorld:
-    """Where a study is recorded; folder: of its stages."""
+class Study:
+    """The hallway study; all its tasks get it. folder: of its stages."""
 
-    settings: WorldSettings
+    settings: StudySettings
     folder: Path
 
     @cached_property
     def scenario(self) -> Scenario:
         """The scenario with the robot and the people of the study."""
         settings = self.settings
-        return scenario_with(
-            settings.scenario, settings.people, crowd=settings.crowd, drive=settings.drive
-        )
+        place = load_scenario(settings.scenario).with_values("robot", drive=settings.drive)
+        return place.with_values("pedestrians", count=settings.people, model=settings.crowd)
 
     @cached_property
     def problem(self) -> NavigationProblem:
@@ -64,10 +57,3 @@ class StudyWorld:
     def policy_of(self, greedy: IntArray) -> FloatArray:
         """(S, A) the policy that takes the actions (S,)."""
         return np.asarray(np.eye(self.problem.mdp.n_actions)[greedy])
-
-
-@dataclass(frozen=True)
-class Study(StudyWorld):
-    """The hallway study; all its tasks get it."""
-
-    settings: StudySettings

@@ -17,10 +17,9 @@ from lab.experiments.study.products import load_part
 from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.settings import StudySettings
-from lab.experiments.study.study import TRAIN_AREA, Study, StudyWorld
+from lab.experiments.study.study import TRAIN_AREA, Study
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.chain import timed_arrival
-from serd_core.arrival.law import ArrivalLaw
 from serd_core.semi_markov.models import require_timed
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.scenario.scenario import Scenario
@@ -59,34 +58,16 @@ def arrivals_of_repetition(study: Study, expert: str, repetition: int) -> dict[s
 
 
 def predict(study: Study, model: dict[str, Any]) -> Row:
-    """CDF by whole steps from the chain."""
-    found = arrival_by_chain(
-        study,
-        study.policy_of(np.array(model["greedy"])),
-        np.array(model["truth"]),
-        np.array(model["laws"]),
-        study.starts,
-    )
-    return {"cdf": found.cdf.tolist(), "arrival_probability": found.arrival_probability}
-
-
-def arrival_by_chain(
-    study: StudyWorld,
-    policy: FloatArray,
-    outcomes: FloatArray,
-    laws: FloatArray,
-    starts: FloatArray,
-) -> ArrivalLaw:
-    """Time of arrival of an (S, A) policy from (S,) starts, up to the time limit, in steps.
-
-    outcomes: (M, K) probabilities; laws: parameters of the dwell times (`StudyWorld.laws_of`).
-    """
-    model = require_timed(study.timed.mdp.transitions)
-    energies = model.outcomes.parameters_of(outcomes)[: model.means.start]
-    parameters = np.concatenate([energies, laws])
+    """CDF by whole steps up to the time limit, from the chain."""
+    laws = require_timed(study.timed.mdp.transitions)
+    energies = laws.outcomes.parameters_of(np.array(model["truth"]))[: laws.means.start]
+    parameters = np.concatenate([energies, model["laws"]])
+    policy = study.policy_of(np.array(model["greedy"]))
     found = timed_arrival(study.timed, policy, parameters, STEP_S, n_steps(study.scenario))
-    times_s = np.asarray(STEP_S * np.arange(len(found.cdf)), dtype=np.float64)
-    return ArrivalLaw(times_s, found.cdf @ starts, float(found.arrival_probability @ starts))
+    return {
+        "cdf": (found.cdf @ study.starts).tolist(),
+        "arrival_probability": float(found.arrival_probability @ study.starts),
+    }
 
 
 def measured_cdf(rows: pd.DataFrame, n_steps: int) -> FloatArray:

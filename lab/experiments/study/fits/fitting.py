@@ -18,7 +18,7 @@ from lab.experiments.study.fits.methods import (
 from lab.experiments.study.recordings.demonstrations import DemonstrationSets, load_sets
 from lab.experiments.study.recordings.experts import PEOPLE
 from lab.experiments.study.recordings.reference import reference_dynamics
-from lab.experiments.study.study import Study, StudyWorld
+from lab.experiments.study.study import Study
 from serd_app.learning.methods import fit_tied
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import Decisions, state_action_counts
@@ -55,7 +55,7 @@ def fit_repetition(study: Study, expert: str, repetition: int) -> dict[str, Any]
 
 
 def trials(
-    study: StudyWorld,
+    study: Study,
     training: Decisions,
     sizes: tuple[int, ...],
     reference: FloatArray,

@@ -5,7 +5,6 @@ Every repetition is recorded anew in worlds of its own. The bags under bags/data
 repetition 0 of the scripted people, driven with the guard.
 """
 
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from lab.experiments.study.products import Task
 from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from lab.experiments.study.recordings.experts import EXPERTS, PEOPLE, planned_policy
 from lab.experiments.study.recordings.reference import reference_dynamics
-from lab.experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
+from lab.experiments.study.study import TRAIN_AREA, TRANSFER_AREA, Study
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_core.demonstrations.decisions import Decisions
 from serd_sim.drivers.catalogue import Driver, make_driver
@@ -32,28 +31,22 @@ class DemonstrationSets:
     transfer: Decisions
 
 
-def demonstration_tasks(
-    study: StudyWorld, experts: Sequence[str] = EXPERTS, roles: Collection[str] = ROLES.keys()
-) -> tuple[Task, ...]:
+def demonstration_tasks(study: Study) -> tuple[Task, ...]:
     """One table per expert, repetition and set."""
     return tuple(
         Task(
             _file(study, expert, repetition, role),
             partial(record_set, study, expert, repetition, role),
         )
-        for expert, repetition in study.settings.repetitions_of(experts)
-        for role in roles
+        for expert, repetition in study.settings.repetitions_of(EXPERTS)
+        for role in ROLES
     )
 
 
-def load_sets(study: StudyWorld, expert: str, repetition: int) -> DemonstrationSets:
+def load_sets(study: Study, expert: str, repetition: int) -> DemonstrationSets:
     """The recorded sets of one repetition."""
-    return DemonstrationSets(**{role: load_set(study, expert, repetition, role) for role in ROLES})
-
-
-def load_set(study: StudyWorld, expert: str, repetition: int, role: str) -> Decisions:
-    """One recorded set of one repetition."""
-    return load_decisions(_file(study, expert, repetition, role))
+    files = {role: _file(study, expert, repetition, role) for role in ROLES}
+    return DemonstrationSets(**{role: load_decisions(file) for role, file in files.items()})
 
 
 def start_area_of(role: str) -> str:
@@ -61,7 +54,7 @@ def start_area_of(role: str) -> str:
     return TRANSFER_AREA if role == "transfer" else TRAIN_AREA
 
 
-def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file: Path) -> None:
+def record_set(study: Study, expert: str, repetition: int, role: str, file: Path) -> None:
     """Drive one set and write its table."""
     settings = study.settings
     seed = world_seed(settings.seed, expert, repetition, ROLES[role])
@@ -76,14 +69,14 @@ def record_set(study: StudyWorld, expert: str, repetition: int, role: str, file:
     save_decisions(file, drives.decisions)
 
 
-def _file(study: StudyWorld, expert: str, repetition: int, role: str) -> Path:
+def _file(study: Study, expert: str, repetition: int, role: str) -> Path:
     return study.folder / "demonstrations" / expert / f"{role}_{repetition:02d}.csv"
 
 
-def _driver(study: StudyWorld, expert: str, seed: int) -> Driver:
+def _driver(study: Study, expert: str, seed: int) -> Driver:
     settings, problem = study.settings, study.problem
     if expert == PEOPLE:
         return make_driver(settings.demonstrations.driver, study.scenario, seed)
     truth = reference_dynamics(study)
-    policy = planned_policy(problem, expert, settings.planned_weights, truth)
+    policy = planned_policy(problem, expert, settings.beliefs.reward_weights, truth)
     return PolicyDriver(problem.grid, policy, seed=seed, greedy=False, name=expert)

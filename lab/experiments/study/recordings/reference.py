@@ -13,7 +13,7 @@ import pandas as pd
 from lab.experiments.study.products import Task
 from lab.experiments.study.recordings.drives import Purpose, drive_in, world_seed
 from lab.experiments.study.recordings.experts import PEOPLE
-from lab.experiments.study.study import TRAIN_AREA, TRANSFER_AREA, StudyWorld
+from lab.experiments.study.study import TRAIN_AREA, TRANSFER_AREA, Study
 from serd_app.demonstrations.decision_table import (
     concatenate,
     concatenate_renumbered,
@@ -64,7 +64,7 @@ class ExploringDriver:
         return self._action
 
 
-def reference_tasks(study: StudyWorld) -> tuple[Task, ...]:
+def reference_tasks(study: Study) -> tuple[Task, ...]:
     """One table per kind and ten episodes; every second ten start where the transfer task does."""
     tasks = []
     for kind in _PURPOSES:
@@ -75,7 +75,7 @@ def reference_tasks(study: StudyWorld) -> tuple[Task, ...]:
     return tuple(tasks)
 
 
-def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: Path) -> None:
+def record_reference(study: Study, kind: str, first: int, last: int, file: Path) -> None:
     """Write the table of some episodes of one kind."""
     seed = world_seed(study.settings.seed, PEOPLE, 0, _PURPOSES[kind])
     driver = _driver(study, kind, seed)
@@ -94,18 +94,18 @@ def record_reference(study: StudyWorld, kind: str, first: int, last: int, file: 
     save_decisions(file, concatenate(tuple(each.decisions for each in drives)))
 
 
-def reference_decisions(study: StudyWorld) -> Decisions:
+def reference_decisions(study: Study) -> Decisions:
     """All reference recordings."""
     files = sorted((study.folder / "reference").glob("*.csv"))
     return concatenate_renumbered(tuple(load_decisions(file) for file in files))
 
 
-def reference_dynamics(study: StudyWorld) -> FloatArray:
+def reference_dynamics(study: Study) -> FloatArray:
     """(M, K) outcome probabilities that the study takes as true."""
     return estimate_dynamics(study.problem, reference_decisions(study))
 
 
-def reference_table(study: StudyWorld) -> pd.DataFrame:
+def reference_table(study: Study) -> pd.DataFrame:
     """The reference dynamics: probability of every outcome, and the number of decisions."""
     decisions = reference_decisions(study)
     names = [outcome.name.lower() for outcome in Outcome]
@@ -115,7 +115,7 @@ def reference_table(study: StudyWorld) -> pd.DataFrame:
     return table
 
 
-def _driver(study: StudyWorld, kind: str, seed: int) -> Driver:
+def _driver(study: Study, kind: str, seed: int) -> Driver:
     if kind == "exploring":
         return ExploringDriver(study.problem.grid, seed)
     driver = study.settings.demonstrations.driver
