@@ -17,7 +17,7 @@ from serd_core.demonstrations.observations import explained
 from serd_core.grid.navigation import NavigationProblem
 from serd_sim.drivers.catalogue import Driver
 from serd_sim.episodes.episode import EpisodeRecord, run_episode
-from serd_sim.planning.local_planner import make_planner
+from serd_sim.planning.local_planner import LocalPlanner, make_planner
 from serd_sim.safety.world_guard import CommandFilter, no_guard
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.world import HallwayWorld
@@ -59,12 +59,14 @@ def drive_in(
     starts: Iterable[tuple[int, str]],
     timeout_s: float | None = None,
     guard: CommandFilter | None = no_guard,
+    planner: LocalPlanner | None = None,
 ) -> Drives:
     """Run episodes one after the other in a world of that seed; starts: their numbers and areas.
 
-    guard: of `run_episode`; the kept results were made without any.
+    guard: of `run_episode`; the kept results were made without any. planner: the scenario's own
+    where None.
     """
-    local_planner = make_planner(scenario)
+    local_planner = make_planner(scenario) if planner is None else planner
     with HallwayWorld(scenario, seed=seed) as world:
         records = tuple(
             run_episode(

@@ -7,17 +7,16 @@ import numpy as np
 
 from lab.experiments.running.tables import Row
 from lab.experiments.study.products import load_part
+from lab.experiments.study.recordings.drives import drive_in
 from lab.experiments.study.robots.settings import TASKS, RobotsStudy
+from serd_core.grid.grid import Action
 from serd_sim.drivers.policy_driver import PolicyDriver
-from serd_sim.episodes.episode import run_episode
-from serd_sim.planning.local_planner import LocalPlanner, make_planner
-from serd_sim.safety.world_guard import no_guard
-from serd_sim.scenario.grid import grid_of
+from serd_sim.planning.local_planner import make_planner
+from serd_sim.scenario.grid import navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.command import Command
 from serd_sim.world.observation import Observation
 from serd_sim.world.waypoint import Waypoint
-from serd_sim.world.world import HallwayWorld
 
 
 class GoalPlanner:
@@ -65,17 +64,26 @@ def _drive(
     study: RobotsStudy, place: str, repetition: int, policy: list[list[float]] | None
 ) -> list[Row]:
     scenario, n = study.scenarios[place], study.settings.places[place].drives
-    seed, grid = study.seed_of(place, repetition) + 1, grid_of(scenario)
-    table = np.full((grid.n_states, 5), 0.2) if policy is None else np.array(policy)
-    driver = PolicyDriver(grid, table, seed=seed)
-    planner: LocalPlanner = GoalPlanner(scenario) if policy is None else make_planner(scenario)
-    rows = []
-    with HallwayWorld(scenario, seed=seed) as world:
-        for episode, task in enumerate(np.repeat(TASKS, n).tolist()):
-            record = run_episode(
-                world, planner, driver, episode=episode, start_area=task, guard=no_guard
-            )
-            row = {"place": place, "repetition": repetition, "task": task, "episode": episode}
-            row |= {"arrived": record.outcome == "arrived", "seconds": record.duration_s}
-            rows.append(row | {"contacts": record.contacts.robot_on_person})
-    return rows
+    problem = navigation_problem_of(scenario, study.settings.discount)
+    seed, grid = study.seed_of(place, repetition) + 1, problem.grid
+    table = np.full((grid.n_states, len(Action)), 1.0 / len(Action)) if policy is None else policy
+    drives = drive_in(
+        scenario,
+        problem,
+        PolicyDriver(grid, table, seed=seed),
+        seed=seed,
+        starts=enumerate(np.repeat(TASKS, n).tolist()),
+        planner=GoalPlanner(scenario) if policy is None else None,
+    )
+    return [
+        {
+            "place": place,
+            "repetition": repetition,
+            "task": record.start_area,
+            "episode": record.episode,
+            "arrived": record.outcome == "arrived",
+            "seconds": record.duration_s,
+            "contacts": record.contacts.robot_on_person,
+        }
+        for record in drives.records
+    ]
