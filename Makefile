@@ -56,7 +56,7 @@ ubuntu:
 demo: $(VENV)/.run
 	@$(BIN)/serd demo $(ARGS)
 	@echo "four robots now drive two tasks on eight seeds each, in some minutes; Ctrl-C leaves them out"
-	@$(BIN)/python -m lab robots --demo
+	@$(BIN)/python -m lab robots --config lab/experiments/study/robots/robots_study_demo.yaml --output lab/results/robots_demo
 
 test: build
 	@$(BIN)/python -m pytest -n 3 --dist worksteal $(BY_SITE:%=--ignore=%) $(ARGS)

@@ -20,7 +20,7 @@ from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline as people_headline
 from lab.experiments.study.products import OnWork
 from lab.experiments.study.robots.run import run_robots
-from lab.experiments.study.robots.settings import DEMO, robots_settings
+from lab.experiments.study.robots.settings import robots_settings
 from lab.experiments.study.settings import study_settings
 from serd_bag.files import require_folder
 from serd_cli.options import EXECUTION, Jobs
@@ -65,20 +65,16 @@ def hallway(
 def robots(
     output: Annotated[Path | None, _output_of("robots")] = None,
     quick: Quick = False,
-    demo: Annotated[
-        bool, typer.Option("--demo", help="eight paired seeds in one place, a few minutes")
-    ] = False,
     config: Annotated[Path | None, _config_of("robots")] = None,
     jobs: Jobs = EXECUTION.n_jobs,
 ) -> None:
     """Four robots on the same seeds, in two tasks: one needs the detour, one the short way.
 
-    python -m lab robots --demo
+    python -m lab robots --quick
 
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
-    config = DEMO if demo and config is None else config
-    folder = _folder("robots_demo" if demo else "robots", output, quick=quick)
+    folder = _folder("robots", output, quick=quick)
     settings = robots_settings(quick=quick, config=config)
     command = _command("robots", (), folder, quick=quick, config=config)
     tables = _run(run_robots, settings, folder, Execution(jobs), command)

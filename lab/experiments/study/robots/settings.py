@@ -13,8 +13,6 @@ from serd_files.yaml_config import StrictModel
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
 YAML = Path(__file__).parent / "robots_study.yaml"
-#: Settings of `make demo`.
-DEMO = YAML.with_stem("robots_study_demo")
 
 RobotName = Literal["serd", "irl", "shortest", "goal", "serd_norm", "irl_norm"]
 ROBOTS: tuple[RobotName, ...] = get_args(RobotName)
