@@ -2,11 +2,11 @@
 
     w_f ~ Normal(0, (sigma / range of f)^2),      P_m ~ Dirichlet(c, ..., c rho, ..., c)
 
-sigma, c and, where it is asked for, the ratio rho of the pseudo-count of the intended outcome to
-the others maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay
-1992), without which few decisions would drive strengths to infinity. By rho, a model that no
-decision shows is expected to have the outcome that it intends about as often as those that were
-seen; 1 is the symmetric prior.
+sigma, c and, where models have an intended outcome, the ratio rho of its pseudo-count to the others
+maximise log P(D | strengths) plus the log of a wide log-normal density of each (MacKay 1992),
+without which few decisions would drive strengths to infinity. By rho, a model that no decision
+shows is expected to have the outcome that it intends about as often as the models that were seen; 1
+is the symmetric prior.
 The fit starts without chance: reward weights from zero under the dynamics of the start, then both
 at once. From then on every change of the prior starts at the last maximum.
 """

@@ -300,7 +300,7 @@ class DwellPrior(Prior):
         n = timed.n_laws
         log_det = (n - 1) * np.log(variance) + np.log(variance + n * WIDE**2)
         log_det += 2.0 * n * np.log(SHAPE_DEVIATION)
-        within = self._log_share_below(_log_longest(timed))
+        within = self._log_share_below(timed.log_longest_s)
         return -0.5 * float(log_det) - n * float(np.log(2.0 * np.pi)) - within
 
     def of_laws(self, model: SemiMarkovModels, theta: FloatArray) -> tuple[float, FloatArray]:
@@ -309,7 +309,7 @@ class DwellPrior(Prior):
         means, shapes = away[model.means], away[model.shapes]
         pull[model.means] = (means - self._shared(model) * means.sum()) / self.deviation**2
         pull[model.shapes] = shapes / SHAPE_DEVIATION**2
-        below, slope, _ = _log_below(_log_longest(model) - theta[model.means])
+        below, slope, _ = _log_below(model.log_longest_s - theta[model.means])
         value = -0.5 * float(away @ pull) + float(below.sum())
         pull[model.means] += slope
         return value, -pull
@@ -326,7 +326,7 @@ class DwellPrior(Prior):
         The inverse of the covariance of log means is by Sherman and Morrison.
         """
         table, identity = np.zeros((model.n_parameters,) * 2), np.eye(model.n_laws)
-        _, _, bend = _log_below(_log_longest(model) - theta[model.means])
+        _, _, bend = _log_below(model.log_longest_s - theta[model.means])
         normal = (identity - self._shared(model)) / self.deviation**2
         table[model.means, model.means] = normal - np.diag(bend)
         table[model.shapes, model.shapes] = identity / SHAPE_DEVIATION**2
@@ -343,15 +343,6 @@ class DwellPrior(Prior):
     def _shared(self, model: SemiMarkovModels) -> float:
         """What each log mean has of the sum of all, in units of the precision of one."""
         return WIDE**2 / (self.deviation**2 + model.n_laws * WIDE**2)
-
-
-def _log_longest(model: SemiMarkovModels) -> FloatArray:
-    """(D,) logs of the seconds after which a decision that has not moved ends; inf where none."""
-    longest = np.zeros(model.n_laws)
-    has_law = model.law_of >= 0
-    stay_s = np.broadcast_to(model.stay_s[:, None], has_law.shape)
-    np.maximum.at(longest, model.law_of[has_law], stay_s[has_law])
-    return np.log(np.where(longest > 0, longest, np.inf))
 
 
 def _log_below(room: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

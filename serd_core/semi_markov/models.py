@@ -100,6 +100,14 @@ class SemiMarkovModels(OutcomeModels):
         return self.outcomes.gauge
 
     @cached_property
+    def log_longest_s(self) -> FloatArray:
+        """(D,) log seconds after which a decision without a move ends; inf where it does not."""
+        longest, has_law = np.zeros(self.n_laws), self.law_of >= 0
+        stay_s = np.broadcast_to(self.stay_s[:, None], has_law.shape)
+        np.maximum.at(longest, self.law_of[has_law], stay_s[has_law])
+        return np.log(np.where(longest > 0, longest, np.inf))
+
+    @cached_property
     def row_law(self) -> IntArray:
         """(R, K) law of each number of the table, -1 where the duration is given."""
         return np.where(self.given_s > 0, -1, self.law_of[self.row_model])
