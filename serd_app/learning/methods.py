@@ -395,10 +395,12 @@ def _described(fit: FitResult, problem: NavigationProblem) -> str:
     if assumed is None:
         return "by evidence"
     strengths = strengths_of(assumed.prior, problem)
+    ratio = strengths["intended_ratio"]
+    intended = "" if ratio == 1.0 else f", of the intended one {ratio:.3g} times that"
     return (
         f"by evidence: normal on reward weights, standard deviation {strengths['deviation']:.3g}"
         " nats over the range of a feature; Dirichlet on outcomes, pseudo-count"
-        f" {strengths['pseudo_count']:.3g}"
+        f" {strengths['pseudo_count']:.3g}{intended}"
     )
 
 
