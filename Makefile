@@ -1,4 +1,4 @@
-# One command each: `make setup`, `make demo`, `make test`, `make check`, `make bench`.
+# One command each: `make setup`, `make demo`, `make test`, `make check`, `make benchmarks`.
 VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.10 || command -v python3)
@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Tests that `make site` runs.
 BY_SITE := tests/tools/test_notebooks.py tests/tools/test_site.py
 
-.PHONY: help setup build interfaces ubuntu demo test fuzz coverage check format lint types imports budget bench pictures reference site dist clean
+.PHONY: help setup build interfaces ubuntu demo test fuzz truth coverage check format lint types imports budget benchmarks pictures reference site dist clean
 
 help:
 	@echo "make setup     set up .venv with what the product needs"
@@ -25,10 +25,11 @@ help:
 	@echo "make interfaces  build nav2_msgs, which has no wheel, for tests and for Nav2 (needs g++)"
 	@echo "make ubuntu    tests of mathematics and strategy with NumPy and SciPy of Ubuntu 24.04"
 	@echo "make fuzz      mutated messages, files and arguments, 10,000 per target   (FUZZ_CASES=1000)"
+	@echo "make truth     recordings of a foreign robot: each headline, its checks, and drives by what was learned"
 	@echo "make coverage  every test, and which lines and branches they reach"
 	@echo "make check     format, lint, types, import rules, budget of lines, tests"
 	@echo "               another Python: make check PYTHON=python3.10 VENV=.venv310"
-	@echo "make bench     speed against peers, results as JSON"
+	@echo "make benchmarks  speed, results as JSON"
 	@echo "make pictures  draw the pictures of the documents again (needs Graphviz and Chromium)"
 	@echo "               after a change of the demo: make pictures ARGS='--demo demo_output/run-1'"
 	@echo "make reference write nodes.yaml and the tables of docs from the settings models"
@@ -64,6 +65,9 @@ test: build
 fuzz: build
 	@SERD_FUZZ_CASES=$(FUZZ_CASES) $(BIN)/python -m pytest -n 2 --dist worksteal --timeout=0 -s -v tests/fuzz $(ARGS)
 
+truth: $(VENV)/.all
+	@$(BIN)/python -m lab truth $(ARGS)
+
 coverage: build
 	@$(BIN)/python -m pytest -n 3 --dist worksteal --cov --cov-report=term:skip-covered $(ARGS)
 
@@ -86,8 +90,8 @@ imports: $(VENV)/.all
 budget: $(VENV)/.all
 	@$(BIN)/python tools/check_budget.py
 
-bench: build
-	@$(BIN)/python -m lab bench $(ARGS)
+benchmarks: build
+	@$(BIN)/python -m lab benchmarks $(ARGS)
 
 pictures: build
 	@$(BIN)/python tools/draw_architecture.py

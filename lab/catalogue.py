@@ -23,6 +23,7 @@ STUDIES = {
 #: Functions of these names in a module of the same name in `lab.command`.
 VALIDATIONS = {
     "faults": "how soon the robot stands when an input fails, with and without the guard",
+    "truth": "whether headlines are true: recordings of a foreign robot, and simulated worlds",
     "crowd": "the crowd models beside Weidmann's speeds and recorded corridors",
 }
 
@@ -44,39 +45,37 @@ EXPERIMENTS = {
         ("policy-cost", "policy_cost", "what a gradient costs (Table 4.2)"),
         ("gridworld", "gridworld.experiment", "navigation on satellite images (section 4.6.2)"),
         (
-            "early-stopping",
-            "gridworld.early_stopping",
-            "fits stopped by validation demonstrations (section 5.2)",
-        ),
-        (
             "ascents",
             "gridworld.ascents",
             "gradient ascent of Algorithm 1 and faster optimisers (section 4.4)",
         ),
         ("routes", "routes", "route choice with many destinations (recursive logit)"),
         ("durations", "durations", "what choices reveal of how long an avoided move takes"),
+        ("avoidance", "avoidance", "plans that avoid what few demonstrations leave open"),
         ("rust", "rust", "bus engine replacement (Rust 1987)"),
     )
 }
 
 #: Each module has a function `run`, which writes lab/results/NAME.json with underscores.
 BENCHMARKS = {
-    name.replace("_", "-"): Work(".".join(filter(None, ("lab.benchmarks", folder, name))), about)
+    name.replace("_", "-"): Work(f"lab.benchmarks.{folder}.{name}", about)
     for folder, name, about in (
         ("driving", "closed_loop", "256 episodes: people as given and from scans"),
         ("driving", "crowd_step", "a step of 30 to 1,000 people, against JuPedSim"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
-        ("learning", "calibration", "ranks of the truth among draws of both posteriors"),
+        ("learning", "calibration", "ranks of the truth among draws, in seven kinds of worlds"),
         ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
-        ("learning", "learning_peers", "the same optimum against econirl, imitation, QuantEcon"),
-        ("learning", "scarce_data", "SERD and IRL from 1 to 50 demonstrations in fresh worlds"),
+        ("learning", "joint_dynamics", "alarms of the rule for joint or counted dynamics"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
-        ("", "speed_figure", "the figure of the speed comparisons, from their results"),
+        ("recordings", "broken_bags", "messages saved of broken recordings, against two libraries"),
     )
 }
 
-#: Likewise.
-RUNS = {"bench": "all benchmarks one after the other, or those named"}
+#: Functions of these names in a module of the same name in `lab.command`.
+RUNS = {
+    "bench": "ten tasks, a file per method, one table: what each method reaches",
+    "benchmarks": "all benchmarks one after the other, or those named",
+}
 #: Functions of these names in `lab.kept`.
 OF_RESULTS = {
     "keep": "writes the tables and figures of docs/results from the results",

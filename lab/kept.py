@@ -26,10 +26,10 @@ DOCUMENTS = Path("docs/results")
 
 @dataclass(frozen=True)
 class Kept:
-    """A study by the name of its folder or file of results; without a file that is empty."""
+    """A study by the name of its folder of results; figure: empty where none is kept."""
 
     name: str
-    table: str = ""
+    table: str
     figure: str = ""
 
 
@@ -46,7 +46,8 @@ KEPT = (
     Kept("robots", "summary.csv", "robots.png"),
     Kept("people", "summary.csv", "people.png"),
     Kept("durations", "summary.csv"),
-    Kept("speed", figure="speed.png"),
+    Kept("bench", "bench.csv"),
+    Kept("broken-bags", "saved.csv"),
 )
 
 
@@ -56,7 +57,7 @@ def keep() -> None:
     noted: dict[str, Any] = _mapping(file) if file.exists() else {}
     for kept in KEPT:
         for name in filter(None, (kept.table, kept.figure)):
-            source = _source(kept, name)
+            source = RESULTS / kept.name / name
             if source.exists():
                 target = DOCUMENTS / f"{kept.name}{source.suffix}"
                 content = small_picture(source) if name == kept.figure else read_bytes(source)
@@ -87,13 +88,12 @@ def check() -> None:
 def compared() -> Iterator[tuple[str, str]]:
     """For each kept table its file, and "equal", "differs" or "no results"."""
     for kept in KEPT:
-        if kept.table:
-            source, target = _source(kept, kept.table), DOCUMENTS / f"{kept.name}.csv"
-            if not source.exists():
-                yield str(target), "no results"
-                continue
-            equal = target.exists() and read_bytes(source) == read_bytes(target)
-            yield str(target), "equal" if equal else "differs"
+        source, target = RESULTS / kept.name / kept.table, DOCUMENTS / f"{kept.name}.csv"
+        if not source.exists():
+            yield str(target), "no results"
+            continue
+        equal = target.exists() and read_bytes(source) == read_bytes(target)
+        yield str(target), "equal" if equal else "differs"
 
 
 def small_picture(path: Path) -> bytes:
@@ -103,11 +103,6 @@ def small_picture(path: Path) -> bytes:
         few = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         few.save(file, "PNG", optimize=True)
     return file.getvalue()
-
-
-def _source(kept: Kept, name: str) -> Path:
-    """Benchmarks have no folders of their own."""
-    return RESULTS / name if not kept.table else RESULTS / kept.name / name
 
 
 def _mapping(path: Path) -> dict[str, Any]:

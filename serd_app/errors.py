@@ -13,3 +13,11 @@ class TeleopError(SerdError):
 
 class ReportError(SerdError):
     """An input of the report breaks a rule; the message names it and the fix."""
+
+
+class MappingError(AppError):
+    """A bag that another mapping may read; sentence: what is wrong, without the remedy."""
+
+    def __init__(self, sentence: str, remedy: str) -> None:
+        super().__init__(f"{sentence}; {remedy}")
+        self.sentence = sentence

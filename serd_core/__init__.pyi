@@ -10,6 +10,7 @@ from serd_core.ascent.trust_region import NewtonAscent as NewtonAscent
 from serd_core.ascent.trust_region import TrustRegion as TrustRegion
 from serd_core.bayes.information import expected_information_gain as expected_information_gain
 from serd_core.bayes.information import outcome_information as outcome_information
+from serd_core.bayes.laplace import interval_draws as interval_draws
 from serd_core.bayes.laplace import laplace as laplace
 from serd_core.bayes.laplace import laplace_draws as laplace_draws
 from serd_core.bayes.laplace import posterior_policy as posterior_policy
@@ -43,6 +44,7 @@ from serd_core.mdp.mdp import Mdp as Mdp
 from serd_core.mdp.problem import TabularProblem as TabularProblem
 from serd_core.mdp.problem import from_gymnasium as from_gymnasium
 from serd_core.mdp.problem import from_transitions as from_transitions
+from serd_core.policies.pessimistic_policy import pessimistic_policy as pessimistic_policy
 from serd_core.policies.solved_policy import boltzmann_policy as boltzmann_policy
 from serd_core.policies.solved_policy import optimal_policy as optimal_policy
 from serd_core.policies.solved_policy import soft_policy as soft_policy
@@ -59,6 +61,7 @@ from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
+from serd_core.selection.joint_dynamics import judge_joint_dynamics as judge_joint_dynamics
 from serd_core.semi_markov.dwell_likelihood import DwellPrior as DwellPrior
 from serd_core.semi_markov.models import semi_markov_problem as semi_markov_problem
 from serd_core.semi_markov.place import compare_places as compare_places

@@ -96,6 +96,28 @@ class FitRecord(StrictModel):
     n_evaluations: int
 
 
+class Check(StrictModel):
+    """Whether the data support a claim of the model; sentence: what was tested, with numbers.
+
+    key: of the question (`serd_app.learning.criticism`).
+    """
+
+    key: str
+    mark: Literal["holds", "fails", "unknown"]
+    sentence: str
+
+
+class FeatureRecord(StrictModel):
+    """A feature of the reward, or why it takes no part.
+
+    values: of an own feature in each cell, in the order of the states.
+    """
+
+    name: str
+    left_out: str = ""
+    values: tuple[float, ...] = ()
+
+
 class ModelFile(StrictModel):
     """Everything the strategy needs from a fit, and a summary of the fit for people.
 
@@ -106,6 +128,8 @@ class ModelFile(StrictModel):
     discount: of a second. patience_s: after which a decision that led nowhere ended.
     pace: multiplier of dwell times in each cell, in the order of the states; none where places do
     not differ.
+    checks: of the claims of the model by its data, none where it was not tested. features: what is
+    known of them, also of those that take no part.
     """
 
     remade_by: ClassVar[str] = "run 'serd demos' and then 'serd learn' again"
@@ -127,6 +151,8 @@ class ModelFile(StrictModel):
     pace: tuple[Positive, ...] = ()
     fit: FitRecord
     draws: ModelDraws = ModelDraws()
+    checks: tuple[Check, ...] = ()
+    features: tuple[FeatureRecord, ...] = ()
 
     @model_validator(mode="after")
     def _models_fit(self) -> "ModelFile":
@@ -175,6 +201,11 @@ class ModelFile(StrictModel):
         drawn = tuple(tuple(row[column] for column in kept) for row in self.draws.reward_weights)
         draws = self.draws.model_copy(update={"reward_weights": drawn})
         return self.model_copy(update={"reward_weights": chosen, "draws": draws})
+
+    @property
+    def own_features(self) -> dict[str, FloatArray]:
+        """(S,) values of each own feature, in the states of its grid."""
+        return {each.name: np.array(each.values) for each in self.features if each.values}
 
     def flow_on(self, path: str | Path, grid: Grid) -> IntArray | None:
         """(S,) its own flow on the grid it is for; None where that is the scenario's."""

@@ -30,6 +30,7 @@ _GUARD = (
 )
 _LEFT: dict[tuple[Kind, str], str] = {
     ("command", "episode"): "serd scenario film drives one episode and draws it",
+    ("command", "recover"): "it is called rescue",
     ("option", "--period-s"): f"{_EVENTS}; leave it out",
     ("option", "--lookahead"): f"{_WAYPOINT}; leave it out",
     ("option", "--times"): f"{_DWELL_TIMES}; leave it out",

@@ -5,7 +5,7 @@ Command options, node parameters and reference pages are generated from these fi
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
@@ -13,9 +13,17 @@ from pydantic.fields import FieldInfo
 _LIMITS = {"minimum": ">= ", "exclusiveMinimum": "> ", "maximum": "<= ", "exclusiveMaximum": "< "}
 
 
-def setting(default: Any, description: str, *, unit: str = "", **rules: Any) -> Any:
+#: How a node's parameter may change while the node runs: not at all, to any value, or with lower or
+#: higher values as the stricter ones.
+Live = Literal["", "any", "lower", "higher"]
+
+
+def setting(
+    default: Any, description: str, *, unit: str = "", live: Live = "", **rules: Any
+) -> Any:
     """A pydantic field. description: a phrase without a full stop; rules: as `Field` has them."""
-    return Field(default, description=description, json_schema_extra={"unit": unit}, **rules)
+    extra: dict[str, Any] = {"unit": unit, "live": live}
+    return Field(default, description=description, json_schema_extra=extra, **rules)
 
 
 def setting_of(model: type[BaseModel], name: str, **changes: Any) -> Any:
@@ -36,6 +44,12 @@ class Setting:
         """What it sets, with the unit in parentheses."""
         text, unit = str(self.schema["description"]), self.schema.get("unit")
         return f"{text} ({unit})" if unit else text
+
+    @property
+    def live(self) -> Live:
+        """How it may change while a node runs."""
+        found: Live = self.schema.get("live", "")
+        return found
 
     @property
     def limits(self) -> dict[str, float]:

@@ -13,7 +13,7 @@ NO_NAMES = ("",)
 
 
 class NodeConfig(StrictModel):
-    """The parameters of a node, which are fixed while it runs."""
+    """The parameters of a node, fixed while it runs but for those that are `live`."""
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:

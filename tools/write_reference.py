@@ -68,6 +68,8 @@ def nodes_page(parameters: Parameters) -> str:
             if names:
                 shown = ", ".join(f"`{name}`" for name in names)
                 page += f"- {kind.replace('_', ' ')}: {shown}\n"
+        if live := [f"`{setting.name}`" for setting, _ in settings if setting.live]:
+            page += f"- parameters that may change while it runs: {', '.join(live)}\n"
         page += "\n" + settings_table("parameter", settings)
     return page
 

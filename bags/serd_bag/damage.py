@@ -3,12 +3,19 @@
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
+from serd_bag.errors import BagError, disk_errors
 from serd_bag.formats.limits import MOST_FAULTS_OF_A_FILE
+from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.formats.rosbag2.layout import BagLayout, storage_name
-from serd_bag.topic import RawMessage, Topic
+from serd_bag.topic import Channel, Record
+
+State = Literal["read", "partly read", "lost", "not ours"]
+_MOST_SPANS = 10_000
 
 #: Bytes and numbers in the sentence of a fault.
 _NUMBERS = re.compile(r"[0-9a-f]{2} [0-9a-f ]+|\d+")
@@ -21,7 +28,7 @@ class Damage:
     offset: byte of the first such fault, None where it concerns the whole file; count: of them.
 
     In a summary of several kinds of faults, `what` states so. fix: what may repair it where
-    `recover` finds nothing.
+    `rescue` finds nothing. is_harmless: whether no message depends on it.
     """
 
     path: Path
@@ -29,6 +36,7 @@ class Damage:
     what: str
     count: int = 1
     fix: str = ""
+    is_harmless: bool = False
 
     def sentence(self) -> str:
         """File, place, fault, how often it was found, and the fix, in one sentence."""
@@ -41,17 +49,21 @@ class Damage:
 class DamageLog:
     """The damage of one file: one entry for each kind of fault, with the number of faults."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, start: int = 0) -> None:
+        self._path, self._start = path, start
         self._found: dict[str, Damage] = {}
         self._counts: Counter[str] = Counter()
 
-    def note(self, offset: int | None, what: str, fix: str = "") -> None:
+    def note(
+        self, offset: int | None, what: str, fix: str = "", *, is_harmless: bool = False
+    ) -> None:
         """Add a fault; faults that differ in numbers only are of one kind."""
         kind = _NUMBERS.sub("", what)
         if kind not in self._found and len(self._found) >= MOST_FAULTS_OF_A_FILE - 1:
-            kind, what, fix = "", "it has further faults of other kinds", ""
-        self._found.setdefault(kind, Damage(self._path, offset, what, fix=fix))
+            kind, what, fix, is_harmless = "", "it has further faults of other kinds", "", False
+        place = None if offset is None else self._start + offset
+        fault = Damage(self._path, place, what, fix=fix, is_harmless=is_harmless)
+        self._found.setdefault(kind, fault)
         self._counts[kind] += 1
 
     def __len__(self) -> int:
@@ -63,41 +75,94 @@ class DamageLog:
         return [replace(each, count=self._counts[kind]) for kind, each in self._found.items()]
 
 
-class FileScan:
-    """One pass through one file of a bag; what it found is complete after its messages were read.
+@dataclass(frozen=True)
+class Span:
+    """Bytes of a file from `start` to `end`, what became of them, and why."""
 
-    counts: readable messages by topic; expected: number of messages by the end of the file, None
-    where it has no count; n_left_out: messages that were found, but are not among those given;
-    has_checksums: whether all messages have them; copied: (offset, length) of each sound attachment
-    and metadata record.
+    start: int
+    end: int
+    state: State
+    reason: str = ""
+
+
+class FileScan:
+    """One walk through a file of a bag, or through its part from `start` to `end`.
+
+    What it found is complete once its records were read. counts: sound messages by topic;
+    n_doubtful: those of damaged parts; n_left_out: messages that were found, but are not given.
+    expected, expected_of: number of messages by the end of the file, of all and by topic, None
+    where it has no count; is_cut: whether its end is missing. has_checksums: whether all messages
+    have them; copied: (offset, length) of each sound attachment and metadata record; is_doubtful:
+    whether the record that was given last is of a damaged part.
     """
 
     has_checksums = False
+    is_cut = False
+    profile = "ros2"
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, start: int = 0, end: int | None = None) -> None:
+        self.path, self.start, self.end = path, start, end
         self.counts: Counter[str] = Counter()
+        self.n_doubtful: Counter[str] = Counter()
         self.expected: int | None = None
+        self.expected_of: dict[str, int] = {}
         self.n_left_out = 0
         self.copied: list[tuple[int, int]] = []
-        self._log = DamageLog(path)
+        self.is_doubtful = False
+        self.log = DamageLog(path, start)
+        self._spans: list[Span] = []
 
     @property
     def damage(self) -> list[Damage]:
         """Each kind of fault that was found."""
-        return self._log.damage
+        return self.log.damage
 
-    def topics(self) -> list[Topic]:
-        """All topics of the file that can be found."""
+    @property
+    def spans(self) -> list[Span]:
+        """All bytes of the part, in order, by their places in the file."""
+        size = self.path.stat().st_size if self.end is None else self.end
+        spans, place = [], self.start
+        for span in sorted(self._spans, key=lambda each: each.start):
+            start, end = max(place, span.start + self.start), min(size, span.end + self.start)
+            if end > start:
+                spans += [Span(place, start, "read")] if start > place else []
+                spans.append(Span(start, end, span.state, span.reason))
+                place = end
+        return [*spans, Span(place, size, "read")] if place < size else spans
+
+    @property
+    def marks(self) -> Sequence[Span]:
+        """What was not read so far, by places in the part."""
+        return self._spans
+
+    def metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """Names and values of metadata records, as MCAP files have them."""
+        return []
+
+    def channels(self) -> list[Channel]:
+        """All channels of the file that can be found."""
         raise NotImplementedError
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of the given topics, None for all."""
+    def records(
+        self, topics: frozenset[str] | None = None, *, doubtful: bool = False
+    ) -> Iterator[Record]:
+        """Messages of the given topics, None for all; doubtful ones too where that is asked for."""
         raise NotImplementedError
+
+    @contextmanager
+    def opened(self) -> Iterator[FileWindow]:
+        """The bytes of the part."""
+        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
+            yield FileWindow(stream, self.start, self.end)
 
     def _note(self, what: str) -> None:
         """Add a fault that concerns the whole file."""
-        self._log.note(None, what)
+        self.log.note(None, what)
+
+    def mark(self, start: int, end: int, state: State, reason: str) -> None:
+        """Note that these bytes of the part were not read, or not all of them."""
+        if len(self._spans) < _MOST_SPANS:
+            self._spans.append(Span(start, end, state, reason))
 
 
 @dataclass(frozen=True)

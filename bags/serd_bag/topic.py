@@ -5,11 +5,59 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from serd_bag.errors import BagError
-from serd_bag.formats.rosbag2.message_types import MessageType
-from serd_bag.formats.rosbag2.qos import QosProfile
+from serd_bag.formats.rosbag2.qos import QosProfile, qos_of_text, qos_text
 from serd_bag.nearest import nearest_name
 
-CDR = "cdr"
+CDR, ROS1 = "cdr", "ros1"
+#: Of definitions.
+ROS2MSG, ROS1MSG = "ros2msg", "ros1msg"
+#: Names of values that rosbag2 keeps with an MCAP channel.
+QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """The definition of a message type.
+
+    name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01.
+
+    encoding: how the text is written, `ros2msg` or `ros2idl`, empty where there is no text.
+    """
+
+    name: str
+    text: str
+    type_hash: str
+    encoding: str = ROS2MSG
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A stream of messages as a file holds it; nothing of it is interpreted.
+
+    encoding, schema_encoding: of the messages and of the schema, their definition; metadata: pairs
+    of texts, rosbag2 has quality of service and type hash there. One topic may have several.
+    """
+
+    topic: str
+    type_name: str = ""
+    encoding: str = CDR
+    schema_encoding: str = ""
+    schema: bytes = b""
+    metadata: tuple[tuple[str, str], ...] = ()
+
+    def value(self, name: str) -> str:
+        """The metadata of that name, empty where there is none."""
+        return dict(self.metadata).get(name, "")
+
+
+class Record(NamedTuple):
+    """One message as a file holds it; times in ns; sequence: number that its sender gave it."""
+
+    channel: Channel
+    sequence: int
+    data: bytes
+    log_time_ns: int
+    publish_time_ns: int
 
 
 @dataclass(frozen=True)
@@ -30,6 +78,22 @@ class Topic:
     def type_name(self) -> str:
         """Name of the message type."""
         return self.message_type.name
+
+    @property
+    def channel(self) -> Channel:
+        """How a file of rosbag2 holds it."""
+        kind = self.message_type
+        metadata = ((QOS, qos_text(self.qos)), (TYPE_HASH, kind.type_hash))
+        schema = kind.text.encode()
+        return Channel(self.name, kind.name, self.encoding, kind.encoding, schema, metadata)
+
+
+def topic_of(channel: Channel) -> Topic:
+    """The topic of a channel, as far as its metadata can be read."""
+    text = channel.schema.decode("utf-8", errors="replace")
+    type_hash = channel.value(TYPE_HASH)
+    recorded = MessageType(channel.type_name, text, type_hash, channel.schema_encoding)
+    return Topic(channel.topic, recorded, qos_of_text(channel.value(QOS)), channel.encoding)
 
 
 class RawMessage(NamedTuple):

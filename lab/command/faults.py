@@ -1,6 +1,7 @@
 """`python -m lab faults`: episodes in which inputs fail, with and without the guard."""
 
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -10,12 +11,18 @@ import typer
 
 from lab.experiments.running.tables import print_results
 from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
-from lab.faults.faults import FAULTS
+from lab.faults.faults import FAULTS, fault_named
+from lab.faults.field import FIELD_FAULTS, STACKS, field_rows, run_field, run_guard
 from lab.faults.figure import FaultWays, draw_fault_ways
+from lab.faults.robots import ROBOTS, robot_named
 from serd_app.report.style import save_figure
+from serd_bag.files import atomic_write_text
 from serd_cli.commands.batch import MOST_SEEDS
+from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, AsJson, Jobs
 from serd_cli.output.terminal import console, finite_values, print_json, run_episodes
+from serd_cli.processes.stack_run import stack_environment
+from serd_cli.processes.workspace import ros_environment
 from serd_files.table import Row
 from serd_sim.drivers.catalogue import driver_names
 from serd_sim.episodes.batch import EpisodeTask, run_batch
@@ -40,16 +47,35 @@ def faults(
         int, typer.Option(min=1, max=MOST_SEEDS, help="episodes of each, seeds first-seed and up")
     ] = 20,
     first_seed: Annotated[int, typer.Option(min=0, help="seed of the first episode")] = 1,
+    robot: Annotated[
+        list[str] | None,
+        typer.Option(help=f"live, with this robot: {', '.join(ROBOTS)}, or all; repeat"),
+    ] = None,
+    stack: Annotated[
+        list[str] | None, typer.Option(help=f"of --robot: {', '.join(STACKS)}; default: all")
+    ] = None,
+    goals: Annotated[int, typer.Option(min=0, help="goals of each --robot on each stack")] = 20,
+    guard: Annotated[
+        str, typer.Option(help="RAW:OUT, in full: topics of a guard of yours that runs already")
+    ] = "",
     jobs: Jobs = EXECUTION.n_jobs,
     as_json: AsJson = False,
 ) -> None:
     """Measure how soon the robot stands when an input fails at full speed.
 
     python -m lab faults --seeds 20 --output faults.csv
+    python -m lab faults --robot all --output field.csv
+    python -m lab faults --robot fast --guard /fast/cmd_vel_raw:/fast/cmd_vel --output mine.csv
 
     Writes a row per episode, with what the robot touched, and a picture beside the table. Rerun an
-    interrupted command to resume it.
+    interrupted command to resume it. With --robot stand-ins for robots of other makers drive live
+    on the stacks of a robot, or before your guard (read docs/safety.md): a row per fault.
     """
+    if robot:
+        field(output, robot, stack or STACKS, fault or FIELD_FAULTS, goals, guard, as_json=as_json)
+        return
+    if stack or guard:
+        raise UsageError("--stack and --guard belong to --robot; name a robot, or all")
     condition = EpisodeTask(scenario, 0, n_people=people, driver=policy)
     tasks = tasks_of(fault or FAULTS, condition, range(first_seed, first_seed + seeds))
     execution = Execution(jobs)
@@ -89,6 +115,60 @@ def faults(
     console.print(f"episodes: {output.resolve()}", soft_wrap=True)
     if ways:
         console.print(f"picture: {picture.resolve()}", soft_wrap=True)
+
+
+def field(
+    output: Path,
+    robots: Sequence[str],
+    stacks: Sequence[str],
+    faults: Sequence[str],
+    n_goals: int,
+    guard: str,
+    *,
+    as_json: bool,
+) -> None:
+    """Run goals and faults of robots live; writes and prints what came of them."""
+    names = list(ROBOTS) if "all" in robots else [*map(_known_robot, robots)]
+    for each in faults:
+        if fault_named(each) and each not in FIELD_FAULTS:
+            raise UsageError(f"--fault must be one of {', '.join(FIELD_FAULTS)}, got {each}")
+    if unknown := {*stacks} - {*STACKS}:
+        raise UsageError(f"--stack must be one of {', '.join(STACKS)}, got {', '.join(unknown)}")
+    if guard and (guard.count(":") != 1 or not all(guard.split(":"))):
+        raise UsageError(f"--guard must be written RAW:OUT, two topics in full, got {guard!r}")
+    folder = output.with_suffix("")
+    outcomes = []
+    for name in names:
+        if guard:
+            raw, out = guard.split(":")
+            made = run_guard(name, (raw, out), folder / name, ros_environment(os.environ), faults)
+            outcomes.append(made)
+            continue
+        for stack in stacks:
+            logs = folder / name / stack
+            with stack_environment(logs) as environment:
+                outcomes.append(
+                    run_field(name, stack, logs, environment, n_goals=n_goals, faults=faults)
+                )
+    rows = [field_rows(each) for each in outcomes]
+    keys = ("robot", "stack")
+    table = [
+        {**{key: getattr(each, key) for key in keys}, **row}
+        for each in outcomes
+        for row in each.faults
+    ]
+    atomic_write_text(output, pd.DataFrame(table).to_csv(index=False))
+    if as_json:
+        print_json({"robots": [finite_values(row) for row in rows], "table": str(output.resolve())})
+        return
+    print_results(pd.DataFrame(rows), "Nav2 is a stand-in with Nav2's tolerances")
+    print_results(pd.DataFrame(table), "Faults at full speed; None where it did not stand in 9 s")
+    console.print(f"faults: {output.resolve()}; logs: {folder.resolve()}", soft_wrap=True)
+
+
+def _known_robot(name: str) -> str:
+    robot_named(name)
+    return name
 
 
 def _ways(rows: list[Row]) -> list[FaultWays]:

@@ -27,7 +27,7 @@ class RoutesConfig(StrictModel):
     """Settings of route choice on a road network."""
 
     data: Path = setting(..., "the folder of incidence, time, angle and observation files")
-    left_turn_degrees: float = setting(40.0, "turns to the left from this angle on", gt=0, lt=180)
+    left_turn_degrees: float = setting(30.0, "turns to the left from this angle on", gt=0, lt=180)
     u_turn_degrees: float = setting(177.0, "turns that are u-turns, either way", gt=0, le=180)
 
 

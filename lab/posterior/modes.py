@@ -54,7 +54,7 @@ class PosteriorModes:
         require_generator(rng)
         counts = rng.multinomial(n, self.weights)
         pairs = zip(self.approximations, counts, strict=True)
-        points = np.concatenate([found.sample(int(count), rng) for found, count in pairs])
+        points = np.concatenate([found.sample(int(count), rng) for found, count in pairs if count])
         return draws_at(problem, self.objective.coordinates, points)
 
 

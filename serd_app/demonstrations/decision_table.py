@@ -112,13 +112,15 @@ def concatenate_renumbered(tables: Sequence[TimedDecisions]) -> TimedDecisions:
 class Place:
     """The grid of decisions, and when they end; scenario: None where the grid was fitted.
 
-    patience_s, wait_s: see `DecisionEpochs`.
+    patience_s, wait_s: see `DecisionEpochs`. has_walls: whether the edge of the grid is that of a
+    stated area; else a fitted grid ends where the robot went.
     """
 
     grid: Grid
     patience_s: float
     wait_s: float
     scenario: Scenario | None = None
+    has_walls: bool = False
 
     @property
     def flow(self) -> IntArray | None:
@@ -129,7 +131,7 @@ class Place:
 class DemonstrationRecord(StrictModel):
     """The file beside a table that states where its decisions were made, and when they end.
 
-    scenario: empty where the grid was fitted; patience_s, wait_s: see `DecisionEpochs`.
+    scenario: empty where the grid was fitted; patience_s, wait_s, has_walls: see `Place`.
     """
 
     remade_by: ClassVar[str] = "run 'serd demos' again"
@@ -140,6 +142,7 @@ class DemonstrationRecord(StrictModel):
     grid_fingerprint: str
     patience_s: float = Field(gt=0)
     wait_s: float = Field(gt=0)
+    has_walls: bool = False
 
 
 def save_learnable(table: Path, place: Place, decisions: TimedDecisions) -> None:
@@ -153,6 +156,7 @@ def save_learnable(table: Path, place: Place, decisions: TimedDecisions) -> None
         grid_fingerprint=place.grid.fingerprint(),
         patience_s=place.patience_s,
         wait_s=place.wait_s,
+        has_walls=place.has_walls,
     )
     save_grid(files["grid"], place.grid, record.scenario)
     save_yaml_model(files["record"], record)
@@ -176,7 +180,8 @@ def load_learnable(table: Path, scenario: str = "") -> tuple[TimedDecisions, Pla
     record = load_yaml_model(files["record"], DemonstrationRecord)
     kept = str(files["scenario"]) if files["scenario"].is_file() else record.scenario
     name = scenario or kept
-    place = Place(grid, record.patience_s, record.wait_s, load_scenario(name) if name else None)
+    known = load_scenario(name) if name else None
+    place = Place(grid, record.patience_s, record.wait_s, known, record.has_walls)
     if record.grid_fingerprint != grid.fingerprint():
         raise FileError(
             f"{files['grid']} must be the grid of {files['record']}, but it is another;"

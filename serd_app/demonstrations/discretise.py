@@ -25,8 +25,11 @@ from serd_app.drives.drive import (
     RecordedDrive,
     places_at,
 )
+from serd_app.drives.mapped import mapped_drive_in
+from serd_app.drives.mapping import BagMapping
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
+from serd_bag.reader import BagReader
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Action, Grid
@@ -116,13 +119,18 @@ def joined_reports(reports: Sequence[DiscretisationReport]) -> DiscretisationRep
 
 
 def demonstrations_of_bag(
-    bag: str | Path, grid: Grid, patience_s: float, wait_s: float
+    bag: str | Path,
+    grid: Grid,
+    patience_s: float,
+    wait_s: float,
+    mapping: BagMapping | None = None,
 ) -> tuple[TimedDecisions, DiscretisationReport]:
     """Those of a bag, and what was left out; BagError where there is nothing to use.
 
-    patience_s, wait_s: see `DecisionEpochs`.
+    patience_s, wait_s: see `DecisionEpochs`. mapping: of a bag of another robot.
     """
-    decisions, report = demonstrations_of_drives(read_drives(bag), grid, patience_s, wait_s)
+    drives = read_drives(bag) if mapping is None else [mapped_drive_in(BagReader(bag), mapping)]
+    decisions, report = demonstrations_of_drives(drives, grid, patience_s, wait_s)
     if not len(decisions):
         raise BagError(f"bag {bag} holds no decision to learn from: {report}; record more")
     return decisions, report

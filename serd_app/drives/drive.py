@@ -55,13 +55,15 @@ class EpisodeSpan:
     """One episode.
 
     outcome: arrived, timeout, aborted, saved, discarded, or cut_off where no end is recorded;
-    unmarked, or return for a way back from the goal, which demonstrates nothing.
+    unmarked, or return for a way back from the goal, which demonstrates nothing. ended_by: gap,
+    goal, stop or turn where it was cut there; empty at the end of a recording and at marks.
     """
 
     number: int
     start_s: float
     end_s: float
     outcome: str
+    ended_by: str = ""
 
     @property
     def demonstrates(self) -> bool:

@@ -46,15 +46,21 @@ def mapped_drive_in(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
 
     BagError where the topics do not hold what the mapping needs.
     """
-    known, source = reader.topics, source_of(reader.path)
+    collected = mapped_messages(reader.topics, mapping, source_of(reader.path))
+    for message in reader.messages(collected.topics & set(reader.topics)):
+        collected.take(message)
+    return collected.drive()
+
+
+def mapped_messages(
+    known: Mapping[str, Topic], mapping: BagMapping, source: str
+) -> "MappedMessages":
+    """Collects the messages of a mapping; known: topics of a bag, or of live publishers."""
     poses, actions = MappedPoses(known, mapping, source), None
     if mapping.has_action_topic:
         actions = MappedActions(mapping, known[topic_named(known, mapping.action_topic)], source)
     marks = topic_named(known, mapping.episode_topic) if mapping.episode_topic else ""
-    collected = MappedMessages(mapping, source, poses, actions, marks)
-    for message in reader.messages(collected.topics & set(known)):
-        collected.take(message)
-    return collected.drive()
+    return MappedMessages(mapping, source, poses, actions, marks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +89,7 @@ class MappedMessages:
     def topics(self) -> set[str]:
         """Those to take messages of."""
         actions = self.actions.topics if self.actions else ()
-        return {*self.poses.topics, *actions, self.mark_topic}
+        return {*self.poses.topics, *actions, self.mark_topic} - {""}
 
     def take(self, message: RawMessage) -> None:
         """A message of one of them; BagError where it is damaged."""

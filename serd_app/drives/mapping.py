@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import field_validator, model_validator
@@ -43,6 +43,9 @@ _BACK, _AWAY = 0.25, 0.5
 _SHORTEST_TRIP_M = 1.0
 
 
+_Mapped = TypeVar("_Mapped", bound="DriveMapping")
+
+
 class DriveMapping(StrictModel):
     """What holds for every recording without marks of episodes."""
 
@@ -68,6 +71,10 @@ class DriveMapping(StrictModel):
     round_trips: bool = setting(
         True, "whether a drive that comes back to its start is cut at its place farthest from it"
     )
+
+    def with_goal(self: _Mapped, area_m: tuple[tuple[float, float], ...]) -> _Mapped:
+        """The mapping, with the goal area of a scenario where it has none."""
+        return self if self.goal_area_m else self.model_copy(update={"goal_area_m": area_m})
 
     @field_validator("goal_area_m")
     @classmethod
@@ -198,7 +205,7 @@ def unmarked_spans(
     for number, piece in enumerate(pieces):
         outcome = _OUTCOMES.get(piece.ended_by, ARRIVED)
         edges_s = float(piece.time_s[0]), float(piece.time_s[-1])
-        spans.append(EpisodeSpan(number, *edges_s, outcome))
+        spans.append(EpisodeSpan(number, *edges_s, outcome, piece.ended_by))
     cuts = Counter(piece.ended_by for piece in pieces if piece.ended_by not in ("", RETURN))
     return tuple(spans), cuts
 

@@ -23,12 +23,13 @@ from serd_app.drives.mapping import (
     usual_gap_s,
 )
 from serd_app.drives.sessions import drives_in
-from serd_app.errors import AppError
+from serd_app.errors import AppError, MappingError
 from serd_bag.damage import Losses
 from serd_bag.errors import BagError, DamagedBagError, FileError
 from serd_bag.formats.rosbag2.layout import is_bag_file
 from serd_bag.reader import BagReader
 from serd_bag.topic import topics_named
+from serd_files.trajectories.databases import is_wildtrack
 from serd_files.trajectories.read import Track, read_trajectories
 from serd_files.yaml_config import load_yaml_model
 
@@ -64,6 +65,8 @@ class Recording:
 def is_table(path: Path) -> bool:
     """Whether a path is a file other than a bag's; FileError for a folder of tables."""
     if path.is_dir():
+        if is_wildtrack(path):
+            return True
         files = sorted(path.iterdir())
         tables = [each for each in files if each.suffix.lower() in _SUFFIXES]
         if tables and not any(each.name == "metadata.yaml" or is_bag_file(each) for each in files):
@@ -105,8 +108,8 @@ def read_recording(
     of_table = is_table(path)
     if mapping is None and of_table:
         mapping = TableMapping()
-    if mapping is not None and not mapping.goal_area_m:
-        mapping = mapping.model_copy(update={"goal_area_m": goal_area_m})
+    if mapping is not None:
+        mapping = mapping.with_goal(goal_area_m)
     if of_table:
         found = _table(path, mapping if isinstance(mapping, TableMapping) else TableMapping())
     else:
@@ -129,18 +132,18 @@ def _bag(reader: BagReader, mapping: DriveMapping | None) -> Recording:
 
 
 def _mapped_drive(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
-    """AppError that names the command which writes a mapping where this one does not fit."""
+    """MappingError that names the command which writes one where this one does not fit."""
     try:
         return mapped_drive_in(reader, mapping)
     except DamagedBagError:
         raise
     except BagError as error:
-        sentence = f"{error}; 'serd bag suggest {reader.path}' writes a mapping that fits"
-        raise AppError(sentence) from None
+        remedy = f"'serd bag suggest {reader.path}' writes a mapping that fits"
+        raise MappingError(str(error), remedy) from None
 
 
 def _own_drives(reader: BagReader) -> tuple[RecordedDrive, ...]:
-    """AppError unless the bag holds the topics that our recorder writes."""
+    """MappingError unless the bag holds the topics that our recorder writes."""
     if not reader.topics:
         deque(reader.messages(), maxlen=0)  # damage is found while messages are read
     if reader.damage and not reader.topics:
@@ -148,10 +151,11 @@ def _own_drives(reader: BagReader) -> tuple[RecordedDrive, ...]:
     known = ", ".join(sorted(reader.topics)) or "nothing"
     lacking = [name for name in _OWN_TOPICS if not topics_named(reader.topics, name)]
     if lacking:
-        raise AppError(
+        raise MappingError(
             f"bag {reader.path} must hold {', '.join(_OWN_TOPICS)} as our recorder writes them, it"
-            f" holds no {' and no '.join(lacking)} but {known}; for a bag of another robot,"
-            f" 'serd bag suggest {reader.path}' writes a mapping.yaml for --mapping"
+            f" holds no {' and no '.join(lacking)} but {known}",
+            f"for a bag of another robot, 'serd bag suggest {reader.path}' writes a mapping.yaml"
+            " for --mapping",
         )
     return drives_in(reader)
 

@@ -1,13 +1,13 @@
 """Frames that transforms place in each other (REP 105): those of nodes, and of recorded /tf.
 
 A frame is in one other frame, its parent. The placement of a frame in another one is the product of
-the transforms from both up to the frame above them. Each recorded moving transform is interpolated
-at the time asked for (positions linearly, rotations along the shortest arc), and unknown more than
-a second before the first one or after the last.
+the transforms from both up to the frame above them. Each moving transform is interpolated at the
+time asked for (positions linearly, rotations along the shortest arc), as tf2 does. Of recordings it
+is unknown more than a second before the first one or after the last; nodes refuse to extrapolate.
 """
 
 from array import array
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import reduce
 from itertools import pairwise
 
@@ -18,11 +18,11 @@ from serd_bag.messages.fields import store_of
 from serd_bag.messages.plain import Transform, transforms
 from serd_bag.nearest import hint
 from serd_bag.topic import RawMessage, Topic
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, IntArray
 
 TF_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _LONGEST_REACH_S = 1.0
-_COLUMNS = 9
+_UNTURNED: FloatArray = np.array([0.0, 0.0, 0.0, 1.0])
 #: From which on a transform moves (m, or parts of a quaternion).
 _STILL = 1e-3
 
@@ -69,16 +69,99 @@ def inverse(matrices: FloatArray) -> FloatArray:
     return found
 
 
+class TransformHistory:
+    """The transform of one frame in its parent over time, in the order of arrival.
+
+    is_static: whether it holds at all times, with its newest numbers. newest_ns: newest stamp.
+    """
+
+    def __init__(self, *, is_static: bool) -> None:
+        self.is_static, self.newest_ns = is_static, 0
+        self._times_ns, self._numbers = array("q"), array("d")
+
+    def add(self, stamp_ns: int, placed: Sequence[float], log_time_ns: int = 0) -> None:
+        """Take x, y, z and the quaternion at a time."""
+        self.newest_ns = max(self.newest_ns, stamp_ns)
+        self._times_ns.extend((log_time_ns, stamp_ns))
+        self._numbers.extend(placed)
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Drop what arrived before the first sample of this time, once that is half of all."""
+        old = int(np.argmax(np.frombuffer(self._times_ns, dtype=np.int64)[1::2] >= stamp_ns))
+        if 4 * old > len(self._times_ns):
+            del self._times_ns[: 2 * old], self._numbers[: 7 * old]
+
+    @property
+    def times_ns(self) -> IntArray:
+        """(N, 2) log times and stamps."""
+        return np.array(self._times_ns, dtype=np.int64).reshape(-1, 2)
+
+    @property
+    def numbers(self) -> FloatArray:
+        """(N, 7) x, y, z and quaternions."""
+        return np.array(self._numbers, dtype=np.float64).reshape(-1, 7)
+
+    def at(self, times_ns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """(T, 4, 4) at times (T,), the nearest one beyond the first and the last; and (T,) how long
+        (s) before the first (below 0) or after the last that is."""
+        if self.is_static:
+            return matrices_of(self.numbers[-1:]), np.zeros(len(times_ns))
+        # Views, which end with this call: an array of which there is one cannot grow.
+        stamps_ns = np.frombuffer(self._times_ns, dtype=np.int64)[1::2]
+        numbers = np.frombuffer(self._numbers).reshape(-1, 7)
+        if (np.diff(stamps_ns) <= 0).any():
+            stamps_ns, order = np.unique(stamps_ns, return_index=True)
+            numbers = numbers[order]
+        within_ns = np.clip(times_ns, stamps_ns[0], stamps_ns[-1])
+        after = np.maximum(np.searchsorted(stamps_ns, within_ns), min(1, len(stamps_ns) - 1))
+        before = np.maximum(after - 1, 0)
+        span_ns = np.maximum(stamps_ns[after] - stamps_ns[before], 1)
+        share = ((within_ns - stamps_ns[before]) / span_ns)[:, None]
+        start, end = numbers[before], numbers[after]
+        moved_m = start[:, :3] + share * (end[:, :3] - start[:, :3])
+        rows = np.concatenate([moved_m, _turned(start[:, 3:], end[:, 3:], share)], axis=1)
+        beyond_s: FloatArray = 1e-9 * np.array(times_ns - within_ns, dtype=np.float64)
+        return matrices_of(rows), beyond_s
+
+
+def _turned(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    """(N, 4) quaternions at shares (N, 1) of the shortest arcs between two (N, 4)."""
+    start, end = (
+        np.where(np.any(each, axis=1, keepdims=True), each, _UNTURNED) for each in (start, end)
+    )
+    start, end = (each / np.linalg.norm(each, axis=1)[:, None] for each in (start, end))
+    cosine = np.sum(start * end, axis=1)[:, None]
+    end = np.where(cosine < 0.0, -end, end)
+    angle = np.arctan2(np.linalg.norm(end - start, axis=1), np.linalg.norm(end + start, axis=1))
+    angle = 2.0 * angle[:, None]
+    small = angle < 1e-6  # where the arc is its chord
+    sine = np.sin(np.where(small, 1.0, angle))
+    early = np.where(small, 1.0 - share, np.sin((1.0 - share) * angle) / sine)
+    late = np.where(small, share, np.sin(share * angle) / sine)
+    found: FloatArray = early * start + late * end
+    return found
+
+
 class FrameGraph:
-    """Which frame is in which; the transforms are kept by who extends it."""
+    """Which frame is in which, and how over time."""
 
     def __init__(self) -> None:
         self._parents: dict[str, str] = {}
+        self._histories: dict[str, TransformHistory] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
         """All frames that occur."""
         return tuple(sorted(self._parents.keys() | set(self._parents.values())))
+
+    def _history(self, child: str, parent: str, *, is_static: bool) -> TransformHistory:
+        """Where to put a transform of a frame in its parent, which it has from now on."""
+        history = self._histories.get(child)
+        is_other = self._parents.get(child) != parent
+        if history is None or is_other or history.is_static != is_static:
+            history = self._histories[child] = TransformHistory(is_static=is_static)
+            self._parents[child] = parent
+        return history
 
     def chain(self, frame: str) -> list[str]:
         """A frame and those that it is in, each once."""
@@ -125,9 +208,6 @@ class RecordedTransforms(FrameGraph):
             if name in known and known[name].type_name in TF_TYPES
         }
         self.topics = frozenset(self._stores)
-        #: Log time, stamp (s), and the numbers of each transform of a frame.
-        self._samples: dict[str, array[float]] = {}
-        self._static: set[str] = set()
 
     def take(self, message: RawMessage) -> bool:
         """Add the transforms of a message; False where it is of another topic."""
@@ -144,14 +224,8 @@ class RecordedTransforms(FrameGraph):
         child, parent = plain_name(transform.child), plain_name(transform.header.frame)
         if not np.isfinite(transform.placed).all():
             return
-        if self._parents.get(child, parent) != parent:
-            self._samples.pop(child, None)
-        self._parents[child] = parent
         stamp_ns = transform.header.stamp_ns or log_time_ns
-        samples = self._samples.setdefault(child, array("d"))
-        samples.extend((log_time_ns / 1e9, stamp_ns / 1e9, *transform.placed))
-        if static:
-            self._static.add(child)
+        self._history(child, parent, is_static=static).add(stamp_ns, transform.placed, log_time_ns)
 
     def root(self, frame: str) -> str:
         """The frame at the end of its chain of parents."""
@@ -164,20 +238,24 @@ class RecordedTransforms(FrameGraph):
         return moving[-1] if moving else ""
 
     def _moves(self, child: str) -> bool:
-        rows = self._rows(child)[:, 2:]
-        return child not in self._static and bool(np.ptp(rows, axis=0).max() > _STILL)
+        history = self._histories[child]
+        return not history.is_static and bool(np.ptp(history.numbers, axis=0).max() > _STILL)
 
     def times(self, target: str, frame: str) -> FloatArray:
         """(N, 2) log times and stamps (s) of the transform between the frames that has most of
         them, in the order of arrival; BagError where nothing moves between them."""
         up, down = self._joined(target, frame)
-        moving = [self._rows(child) for child in (*up, *down) if child not in self._static]
+        moving = [
+            self._histories[child].times_ns
+            for child in (*up, *down)
+            if not self._histories[child].is_static
+        ]
         if not moving:
             raise BagError(
                 f"frame {frame!r} must move in {target!r}, /tf_static holds it still;"
                 f" name another frame of {', '.join(self.names)}"
             )
-        return max(moving, key=len)[:, :2]
+        return max(moving, key=len) / 1e9
 
     def placements(self, target: str, frame: str, times_s: FloatArray) -> FloatArray:
         """(N, 4, 4) of a frame in the target; NaN at times at which that is unknown.
@@ -200,26 +278,8 @@ class RecordedTransforms(FrameGraph):
             )
         return found
 
-    def _rows(self, child: str) -> FloatArray:
-        return np.array(self._samples[child]).reshape(-1, _COLUMNS)
-
     def _transforms(self, child: str, times_s: FloatArray) -> FloatArray:
-        from scipy.spatial.transform import Rotation, Slerp  # nodes need none of it
-
-        rows = self._rows(child)
-        if child in self._static:
-            return matrices_of(rows[-1:, 2:])
-        rows = rows[np.unique(rows[:, 1], return_index=True)[1]]
-        stamp_s, known = rows[:, 1], matrices_of(rows[:, 2:])
-        if len(rows) > 1:
-            turning = Slerp(stamp_s, Rotation.from_matrix(known[:, :3, :3]))
-            turned = turning(np.clip(times_s, stamp_s[0], stamp_s[-1])).as_matrix()
-        else:
-            turned = known[:, :3, :3]
-        found = np.tile(np.eye(4), (len(times_s), 1, 1))
-        found[:, :3, :3] = turned
-        columns = [np.interp(times_s, stamp_s, column) for column in known[:, :3, 3].T]
-        found[:, :3, 3] = np.stack(columns, axis=1)
-        beyond_s = np.maximum(stamp_s[0] - times_s, times_s - stamp_s[-1])
-        found[beyond_s > _LONGEST_REACH_S] = np.nan
+        found, beyond_s = self._histories[child].at(np.rint(times_s * 1e9).astype(np.int64))
+        if not self._histories[child].is_static:
+            found[np.abs(beyond_s) > _LONGEST_REACH_S] = np.nan
         return found

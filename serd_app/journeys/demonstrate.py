@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,18 +30,24 @@ from serd_app.demonstrations.fitted_grid import (
     grid_of_area,
 )
 from serd_app.demonstrations.flow_field import flow_from_recordings
+from serd_app.demonstrations.suggest import suggest_mapping
 from serd_app.drives.drive import RecordedDrive
 from serd_app.drives.mapping import BagMapping
-from serd_app.drives.recording import Recording, read_mapping, read_recordings
-from serd_app.errors import AppError
+from serd_app.drives.recording import Recording, read_mapping, read_recording
+from serd_app.errors import AppError, MappingError
+from serd_app.learning.settings import LearningSettings
 from serd_app.places.free_area import read_area_m, require_area_file
 from serd_bag.files import delete_file
+from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import TimedDecisions, state_counts
 from serd_core.grid.grid import Grid
-from serd_files.errors import missing_pictures
+from serd_files.errors import USER_ERRORS, missing_pictures
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
+
+#: Shares of the size of cells that are tried where there are too few decisions.
+_FINER = 0.7, 0.5, 0.35
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,7 @@ class Demonstrated:
 
     found: what each recording gives. flow: of people, None where none were recorded. files: those
     that were written, by what they are; missing: why no picture was drawn, empty where one was.
+    too_few: that there are too few decisions to learn from, with an option that gives enough.
     """
 
     place: Place
@@ -111,6 +118,7 @@ class Demonstrated:
     flow: FlowField | None
     files: dict[str, Path]
     missing: str = ""
+    too_few: str = ""
 
 
 def demonstrate(
@@ -132,9 +140,8 @@ def demonstrate(
     area_m = read_area_m(choice.area) if choice.area else None
     known = read_mapping(mapping, paths)
     goal_area_m = scenario.goal_area_m if scenario else ()
-    recordings = read_recordings(
-        paths, mapping=known, tolerant=tolerant, hidden=hidden, goal_area_m=goal_area_m
-    )
+    options = {"mapping": known, "tolerant": tolerant, "hidden": hidden, "goal_area_m": goal_area_m}
+    recordings = [_read(path, **options) for path in paths]
     if choice == PlaceChoice() and known is None:
         _require_no_own(recordings)
     place = _place(recordings, scenario, choice.cell_size_m, area_m)
@@ -152,7 +159,41 @@ def demonstrate(
     if not missing:
         _save_pictures(beside, place, decisions, recordings, flow)
     files = {name: path for name, path in beside.items() if path.exists()}
-    return Demonstrated(place, found, flow, files, missing)
+    too_few = _finer_cells(recordings, place, len(decisions))
+    return Demonstrated(place, found, flow, files, missing, too_few)
+
+
+def _read(path: Path, **options: Any) -> Recording:
+    """A recording; where no mapping can read it, the error states why in place of a remedy."""
+    try:
+        return read_recording(path, **options)
+    except MappingError as error:
+        try:
+            suggest_mapping(path)
+        except USER_ERRORS as reason:
+            raise AppError(f"{error.sentence}; no mapping reads it: {reason}") from None
+        raise
+
+
+def _finer_cells(recordings: Sequence[Recording], place: Place, n_decisions: int) -> str:
+    """The command option that gives enough decisions to learn from, or that none does; empty where
+    there are enough, or the cells are those of a scenario."""
+    needed = LearningSettings().minimum_decisions
+    if n_decisions >= needed or place.scenario is not None:
+        return ""
+    few = f"{counted(n_decisions, 'decision')} are too few to learn from ({needed})"
+    drives = [drive for each in recordings for drive in each.drives]
+    for share in _FINER:
+        size_m = round(share * place.grid.cell_size_m, 3)
+        try:
+            grid, patience_s = fitted_grid(recordings, size_m), fitting_patience_s(drives, size_m)
+            finer = replace(place, grid=grid, patience_s=patience_s)
+            n_finer = sum(len(each.decisions) for each in _decided(recordings, finer))
+        except AppError:
+            continue
+        if n_finer >= needed:
+            return f"{few}; --cell-size-m {size_m:g} gives {n_finer}"
+    return f"{few}, and smaller cells give no more than that: record more drives"
 
 
 def _place(
@@ -167,7 +208,8 @@ def _place(
     drives = [drive for each in recordings for drive in each.drives]
     size_m = cell_size_m or fitting_cell_size_m(drives)
     grid = fitted_grid(recordings, size_m) if area_m is None else grid_of_area(area_m, size_m)
-    return Place(grid, fitting_patience_s(drives, size_m), USUAL_WAIT_S)
+    patience_s = fitting_patience_s(drives, size_m)
+    return Place(grid, patience_s, USUAL_WAIT_S, has_walls=area_m is not None)
 
 
 def _decided(recordings: Sequence[Recording], place: Place) -> list[RecordedDemonstrations]:

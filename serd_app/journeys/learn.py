@@ -41,19 +41,25 @@ def learn_from_table(
     scenario: str = "",
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
+    features: Path | None = None,
     report: Path | None = None,
     on_progress: ProgressCallback = ignore_progress,
 ) -> Learned:
     """Learn, write the model to `output` with the files beside it, and a page to `report`.
 
-    scenario, flow, goals_m: see `read_learning_files`. SerdError or FileError where a file is
-    missing or wrong, or where too few decisions are left.
+    scenario, flow, goals_m, features: see `read_learning_files`. SerdError or FileError where a
+    file is missing or wrong, or where too few decisions are left.
     """
     require_file_place(output)
     if report is not None:
         require_folder(report)
     files = read_learning_files(
-        table, discount=settings.discount, scenario=scenario, flow=flow, goals_m=goals_m
+        table,
+        discount=settings.discount,
+        scenario=scenario,
+        flow=flow,
+        goals_m=goals_m,
+        features=features,
     )
     require_replaceable(output, files.task.scenario_yaml)
     outcome = learn(files.task, files.decisions, settings, on_progress)

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from serd_app.errors import ReportError
+from serd_app.learning.criticism import recorded_times
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.comparison import predicted_law, recorded_times, starts_of
+from serd_app.navigation.comparison import predicted_law, starts_of
 from serd_app.places.kept_scenario import scenario_of_model
 from serd_app.report.inputs import Forecast, ReportInputs, RunFacts
 from serd_bag.files import require_folder

@@ -7,7 +7,6 @@ caller's thread stays free meanwhile.
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import ClassVar, Literal
@@ -15,25 +14,15 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from serd_app.demonstrations.decision_table import (
-    concatenate_renumbered,
-    load_decisions,
-    save_decisions,
-)
-from serd_app.demonstrations.discretise import (
-    DiscretisationReport,
-    decisions_from_drive,
-    episode_rows,
-)
-from serd_app.drives.drive import CUT_OFF
-from serd_app.drives.sessions import DriveSessions
+from serd_app.demonstrations.decision_table import load_decisions, save_decisions
+from serd_app.demonstrations.live import LiveDrive, MappedLiveDrive
+from serd_app.drives.mapping import BagMapping
 from serd_app.learning.methods import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.errors import SerdError
-from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
 from serd_files.errors import USER_ERRORS
@@ -112,45 +101,20 @@ class CheckpointFolder:
         save_yaml_model(self._checkpoint, checkpoint)
 
 
-class LiveDrive(DriveSessions):
-    """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
+class LearnerMemory:
+    """Demonstrations as they come, and the newest weights, from and to a checkpoint folder.
 
-    earlier: demonstrations known before. report: what was left out of the last session.
+    feature_names: of the weights, by default those of the scenario. mapping: of the topics of
+    another robot, None for our own.
     """
 
     def __init__(
         self,
-        source: str,
-        grid: Grid,
-        patience_s: float,
-        wait_s: float,
-        earlier: TimedDecisions | None = None,
-    ) -> None:
-        super().__init__(source)
-        self._grid, self._times_s, self._earlier = grid, (patience_s, wait_s), earlier
-        self.report: DiscretisationReport | None = None
-
-    def gathered(self, *, unfinished: bool = True) -> TimedDecisions:
-        """All episodes so far; unfinished: also decisions of the episode still being driven."""
-        *before, last = (session.drive() for session in self.sessions)
-        if not unfinished and last.episodes and last.episodes[-1].outcome == CUT_OFF:
-            last = replace(last, episodes=last.episodes[:-1])
-        known = [] if self._earlier is None else [self._earlier]
-        seen = {row for one in known for row in episode_rows(one).values()}
-        for drive in (*before, last):
-            decisions, self.report = decisions_from_drive(drive, self._grid, *self._times_s, seen)
-            known.append(decisions)
-        return concatenate_renumbered(known)
-
-
-class LearnerMemory:
-    """Demonstrations as they come, and the newest weights, from and to a checkpoint folder.
-
-    feature_names: of the weights, by default those of the scenario.
-    """
-
-    def __init__(
-        self, scenario: Scenario, folder: Path, *, feature_names: Sequence[str] | None = None
+        scenario: Scenario,
+        folder: Path,
+        *,
+        feature_names: Sequence[str] | None = None,
+        mapping: BagMapping | None = None,
     ) -> None:
         grid = grid_of(scenario)
         self._feature_names = feature_names or features_of_flow(flow_of(scenario, grid))
@@ -158,8 +122,11 @@ class LearnerMemory:
         loaded = self.folder.load()
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
         self.decisions = earlier
-        self.drive = LiveDrive(
-            "live topics", grid, scenario.patience_s, scenario.wait_s, earlier=earlier
+        given = grid, scenario.patience_s, scenario.wait_s, earlier
+        self.drive: LiveDrive | MappedLiveDrive = (
+            LiveDrive("live topics", *given)
+            if mapping is None
+            else MappedLiveDrive(mapping.with_goal(scenario.goal_area_m), *given)
         )
 
     @property

@@ -25,7 +25,7 @@ from serd_core.uncertainty.standard_errors import (
     identifiability,
     standard_errors,
 )
-from serd_files.table import read_rows, write_rows
+from serd_files.table import OptionalFloat, read_rows, write_rows
 
 #: Share of the posterior within the intervals.
 MASS = 0.9
@@ -35,16 +35,19 @@ MASS = 0.9
 class OutcomeRow:
     """The posterior of one outcome probability; what is in nats is of its whole model.
 
+    outcome_known_from: that of this outcome, which the data of its model may leave as it was.
+    lower, median, upper: NaN where the chains of the posterior did not mix, as in all tables here.
     known_from: counts, choices, both, or prior only; shared_most_with: a feature of the reward.
     """
 
     model: str
     outcome: str
     decisions: float
-    lower: float
-    median: float
-    upper: float
+    lower: OptionalFloat
+    median: OptionalFloat
+    upper: OptionalFloat
     known_from: str
+    outcome_known_from: str
     from_transitions_nats: float
     from_choices_nats: float
     shared_with_rewards_nats: float
@@ -63,17 +66,29 @@ class DurationRow:
 
     model: str
     dwell_times: float
-    lower_s: float
-    median_s: float
-    upper_s: float
-    over_forward_lower_s: float
-    over_forward_median_s: float
-    over_forward_upper_s: float
+    lower_s: OptionalFloat
+    median_s: OptionalFloat
+    upper_s: OptionalFloat
+    over_forward_lower_s: OptionalFloat
+    over_forward_median_s: OptionalFloat
+    over_forward_upper_s: OptionalFloat
     known_from: str
     from_dwell_times_nats: float
     from_choices_nats: float
     confounded_with: str
     correlation: float
+
+
+@dataclass(frozen=True)
+class WeightRow:
+    """The posterior of one reward weight; known_from: choices, or prior only."""
+
+    feature: str
+    lower: OptionalFloat
+    median: OptionalFloat
+    upper: OptionalFloat
+    known_from: str
+    from_choices_nats: float
 
 
 @dataclass(frozen=True)
@@ -90,11 +105,13 @@ class Knowledge:
     """outcomes: by model, then by outcome; gains: of every cell, in the order of the states.
 
     durations: by model; none where the fit learned by decisions that take the same time.
+    weights: by feature.
     """
 
     outcomes: tuple[OutcomeRow, ...]
     gains: tuple[GainRow, ...]
     durations: tuple[DurationRow, ...] = ()
+    weights: tuple[WeightRow, ...] = ()
 
     @property
     def gain_nats(self) -> FloatArray:
@@ -139,6 +156,7 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
             median=float(found.median[m, outcome]),
             upper=float(found.upper[m, outcome]),
             known_from=found.source(m),
+            outcome_known_from=found.source_of_outcome(m, outcome),
             from_transitions_nats=float(found.from_transitions[m]),
             from_choices_nats=float(found.from_choices[m]),
             shared_with_rewards_nats=float(found.shared[m]),
@@ -149,7 +167,18 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
     )
     points = zip(problem.grid.centers_m.tolist(), gain.tolist(), strict=True)
     gains = tuple(GainRow(x_m, y_m, nats) for (x_m, y_m), nats in points)
-    return Knowledge(outcomes, gains, tuple(_durations(problem, posterior, found.draws)))
+    weights = tuple(
+        WeightRow(
+            feature=feature,
+            lower=float(found.weights[0, f]),
+            median=float(found.weights[1, f]),
+            upper=float(found.weights[2, f]),
+            known_from=found.source_of_weight(f),
+            from_choices_nats=float(found.from_choices_of_weights[f]),
+        )
+        for f, feature in enumerate(problem.feature_names)
+    )
+    return Knowledge(outcomes, gains, tuple(_durations(problem, posterior, found.draws)), weights)
 
 
 def _durations(
@@ -194,17 +223,16 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
             f"{model.replace('_', ' ')}: {row.known_from}; {row.decisions:.0f} decisions:"
             f" {row.from_transitions_nats:.2f} nats, choices: {row.from_choices_nats:.2f} nats"
             f" ({row.shared_with_rewards_nats:.2f} shared with rewards, most with"
-            f" {row.shared_most_with.replace('_', ' ')}); forward {100 * row.median:.0f} %"
-            f" ({100 * row.lower:.0f} to {100 * row.upper:.0f})"
+            f" {row.shared_most_with.replace('_', ' ')}); forward {_percent(row)}"
         )
     durations = [row for row in known.durations if row.model in used]
     for each in durations:
         yield (
             f"{each.model.replace('_', ' ')}, time of a move: {each.known_from};"
             f" {each.dwell_times:.0f} dwell times: {each.from_dwell_times_nats:.2f} nats, choices:"
-            f" {each.from_choices_nats:.2f} nats; mean {each.median_s:.2f} s ({each.lower_s:.2f} to"
-            f" {each.upper_s:.2f}), over P(forward) {each.over_forward_median_s:.3g} s"
-            f" ({each.over_forward_lower_s:.3g} to {each.over_forward_upper_s:.3g})"
+            f" {each.from_choices_nats:.2f} nats; mean"
+            f" {spanned(each.lower_s, each.median_s, each.upper_s, '.2f', ' s')}, over P(forward)"
+            f" {spanned(*_over_forward_s(each), '.3g', ' s')}"
         )
     if durations:
         most = max(durations, key=lambda row: abs(row.correlation))
@@ -219,10 +247,26 @@ def knowledge_lines(known: Knowledge, problem: NavigationProblem) -> Iterable[st
     )
 
 
+def _over_forward_s(row: DurationRow) -> tuple[float, float, float]:
+    return row.over_forward_lower_s, row.over_forward_median_s, row.over_forward_upper_s
+
+
+def _percent(row: OutcomeRow) -> str:
+    return spanned(100 * row.lower, 100 * row.median, 100 * row.upper, ".0f", " %")
+
+
+def spanned(lower: float, median: float, upper: float, form: str, unit: str = "") -> str:
+    """An interval in words, which says where there is none."""
+    if np.isnan(lower + median + upper):
+        return "no interval, as the chains of the posterior did not mix"
+    return f"{median:{form}}{unit} ({lower:{form}} to {upper:{form}})"
+
+
 def save_knowledge(files: Mapping[str, Path], known: Knowledge) -> None:
     """Write all tables."""
     write_rows(files["posterior"], OutcomeRow, known.outcomes)
     write_rows(files["durations"], DurationRow, known.durations)
+    write_rows(files["weights"], WeightRow, known.weights)
     write_rows(files["gain"], GainRow, known.gains)
 
 
@@ -237,7 +281,8 @@ def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
             f"{files['gain']} must have a row for each of {grid.n_states} cells, got {len(gains)}"
             "; learn again"
         )
-    return Knowledge(outcomes, gains, read_rows(files["durations"], DurationRow))
+    durations = read_rows(files["durations"], DurationRow)
+    return Knowledge(outcomes, gains, durations, read_rows(files["weights"], WeightRow))
 
 
 @dataclass(frozen=True, eq=False)

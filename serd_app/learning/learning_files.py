@@ -1,6 +1,6 @@
 """Learning from files: a table of decisions and what `serd demos` wrote beside it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -10,14 +10,16 @@ from scipy.ndimage import binary_dilation, label
 
 from serd_app.demonstrations.decision_table import Place, files_beside, load_flow, load_learnable
 from serd_app.errors import AppError
+from serd_app.learning.features import read_own_features, with_chosen_features
 from serd_app.learning.recipe import LearningTask
 from serd_app.learning.settings import FlowSource
 from serd_app.places.kept_scenario import own_scenario_yaml
-from serd_app.places.map_scenario import grid_scenario
-from serd_core.arrays import IntArray
+from serd_app.places.map_scenario import FITTED, grid_scenario
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.grid.grid import Grid, grid_wall_distance_m
 from serd_core.grid.navigation import (
+    FEATURE_NAMES,
     NO_FLOW,
     NavigationProblem,
     build_navigation_problem,
@@ -31,9 +33,9 @@ _Table = TypeVar("_Table", bound=Decisions)
 
 @dataclass(frozen=True, eq=False)
 class LearningFiles:
-    """task: where it was; flow_from: scenario, recorded or none; n_after_goal: decisions left out;
-    n_elsewhere: those of episodes that end in other places than the goal, also left out;
-    elsewhere_m: centres of these places.
+    """task: where it was; flow_from: scenario, recorded or none; n_read: decisions of the table;
+    n_after_goal: decisions left out; n_elsewhere: those of episodes that end in other places than
+    the goal, also left out; elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted.
     """
@@ -42,6 +44,7 @@ class LearningFiles:
     decisions: TimedDecisions
     flow_from: str
     goals_m: tuple[tuple[float, float], ...]
+    n_read: int
     n_after_goal: int
     n_elsewhere: int
     elsewhere_m: tuple[tuple[float, float], ...]
@@ -65,11 +68,13 @@ def read_learning_files(
     scenario: str = "",
     flow: FlowSource = "auto",
     goals_m: tuple[tuple[float, float], ...] = (),
+    features: Path | None = None,
 ) -> LearningFiles:
     """Everything learning needs; FileError and AppError where the files contradict each other.
 
     scenario: in place of the one the record names. goals_m: places of the goal, by default the
-    scenario's goal area, or without a scenario where most of the episodes end.
+    scenario's goal area, or without a scenario where most of the episodes end. features: file of
+    own features.
     """
     all_decisions, place = load_learnable(table, scenario)
     grid, known = place.grid, place.scenario
@@ -78,23 +83,26 @@ def read_learning_files(
     others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
     kept = until_goal(decisions, goals)
     chosen, source = _flow(files_beside(table)["flow"], place, flow)
-    problem = _problem(place, chosen, goals, discount)
+    own = {} if features is None else read_own_features(features, grid, FEATURE_NAMES)
+    problem, unused = _problem(place, chosen, goals, discount, own)
+    made = _scenario_of(place, problem, kept)
     n_after_goal = len(decisions) - len(kept)
-    left_out = (
-        (n_after_goal, "after the goal"),
-        (len(elsewhere), "of episodes that end elsewhere"),
-    )
     return LearningFiles(
         task=LearningTask(
             problem,
             known.name if known else "",
             own_flow=source != "scenario",
-            scenario_yaml=_scenario_yaml(place, problem, kept),
-            left_out=", ".join(f"{count} {why}" for count, why in left_out if count),
+            other_goals=_other_goals(all_decisions, grid, goals),
+            unused_features=unused,
+            own_features={n: each for n, each in own.items() if n in problem.feature_names},
+            scenario_yaml=made[0],
+            timeout_s=made[1],
+            left_out=_left_out(n_after_goal, len(elsewhere)),
         ),
         decisions=kept,
         flow_from=source,
         goals_m=_centres_m(grid, goals),
+        n_read=len(all_decisions),
         n_after_goal=n_after_goal,
         n_elsewhere=len(elsewhere),
         elsewhere_m=_centres_m(grid, others),
@@ -121,24 +129,48 @@ def _goals(
     return goals, ending_in(decisions, goals)
 
 
-def _problem(place: Place, flow: IntArray, goals: IntArray, discount: float) -> NavigationProblem:
-    """What is learned on, whose decisions take time; flow: (S,)."""
+def _left_out(n_after_goal: int, n_elsewhere: int) -> str:
+    whys = (n_after_goal, "after the goal"), (n_elsewhere, "of episodes that end elsewhere")
+    return ", ".join(f"{count} {why}" for count, why in whys if count)
+
+
+def _other_goals(
+    decisions: TimedDecisions, grid: Grid, goals: IntArray
+) -> tuple[tuple[int, tuple[float, float]], ...]:
+    """How many decisions each other end of drives would leave as `--goal`, and its place."""
+    ends = np.unique(list(_ends(decisions).values()))
+    states = [
+        int(group[0]) for group in _neighbouring(ends, grid) if not np.isin(group, goals).any()
+    ]
+    counts = (len(until_goal(decisions, np.array([state]))) for state in states)
+    places = _centres_m(grid, np.array(states, dtype=np.int64))
+    return tuple(zip(counts, places, strict=True))
+
+
+def _problem(
+    place: Place, flow: IntArray, goals: IntArray, discount: float, own: Mapping[str, FloatArray]
+) -> tuple[NavigationProblem, dict[str, str]]:
+    """What is learned on, whose decisions take time, and why features take no part; flow: (S,)."""
     grid, scenario = place.grid, place.scenario
     distance_m = wall_distance_of(scenario, grid) if scenario else grid_wall_distance_m(grid)
     by_decisions = build_navigation_problem(
         grid=grid, flow=flow, goal_states=goals, wall_distance_m=distance_m, discount=discount
     )
-    return with_dwell_times(by_decisions, patience_s=place.patience_s, wait_s=place.wait_s)
+    timed = with_dwell_times(by_decisions, patience_s=place.patience_s, wait_s=place.wait_s)
+    return with_chosen_features(timed, own, walls_seen=scenario is not None or place.has_walls)
 
 
 def _centres_m(grid: Grid, states: IntArray) -> tuple[tuple[float, float], ...]:
     return tuple((float(x), float(y)) for x, y in grid.centers_m[states])
 
 
-def _scenario_yaml(place: Place, problem: NavigationProblem, decisions: Decisions) -> str:
-    """What is kept beside the model: an own scenario, or one of the cells of a fitted grid."""
+def _scenario_of(
+    place: Place, problem: NavigationProblem, decisions: Decisions
+) -> tuple[str, float]:
+    """What is kept beside the model, an own scenario or one of the cells of a fitted grid, and the
+    time-out of a drive in it."""
     if place.scenario is not None:
-        return own_scenario_yaml(place.scenario)
+        return own_scenario_yaml(place.scenario), place.scenario.episode_timeout_s
     begins = np.unique(decisions.episode, return_index=True)[1]
     found = grid_scenario(
         problem.grid,
@@ -146,9 +178,9 @@ def _scenario_yaml(place: Place, problem: NavigationProblem, decisions: Decision
         decisions.state[begins],
         place.patience_s,
         place.wait_s,
-        name="fitted grid",
+        name="stated area" if place.has_walls else FITTED,
     )
-    return found[0] if found else ""
+    return (found[0], found[1].episode_timeout_s) if found else ("", LearningTask.timeout_s)
 
 
 def _flow(table: Path, place: Place, wanted: FlowSource) -> tuple[IntArray, str]:

@@ -154,7 +154,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     keep_scenario(output, outcome.scenario_yaml)
     save_grid(files["grid"], grid, outcome.model.scenario)
     atomic_write_text(files["learning"], outcome.trace_table())
-    for name in ("posterior", "durations", "gain", "gain_map"):
+    for name in ("posterior", "durations", "weights", "gain", "gain_map"):
         delete_file(files[name])  # of an earlier fit
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
@@ -170,6 +170,7 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "learning": output.with_suffix(".learning.csv"),
         "posterior": output.with_suffix(".posterior.csv"),
         "durations": output.with_suffix(".durations.csv"),
+        "weights": output.with_suffix(".weights.csv"),
         "gain": output.with_suffix(".next_demonstration.csv"),
         "gain_map": output.with_suffix(".next_demonstration.png"),
     }

@@ -6,28 +6,41 @@ thesis does, and where actions are hidden all methods do; then the laws are coun
 times also differ by place is decided by episodes that were left out.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
+from scipy.special import logsumexp
 
 from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
+from serd_app.learning.criticism import Criticised, criticise
 from serd_app.learning.knowledge import knowledge_of, posterior_of
-from serd_app.learning.methods import ProgressCallback, fit_by, fit_data, ignore_progress
-from serd_app.learning.outcome import FitOutcome, learned_traps
+from serd_app.learning.methods import (
+    MethodResult,
+    ProgressCallback,
+    fit_by,
+    fit_data,
+    ignore_progress,
+)
+from serd_app.learning.outcome import FitOutcome, LearnedTraps, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import PosteriorDraws, laplace_draws
+from serd_core.bayes.laplace import PosteriorDraws, laplace_draws, posterior_policy
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
-from serd_files.model_file import LearnedDynamics, model_of_fit
+from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
+from serd_sim.drivers.strategy import MOST_DRAWS, Plan
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
@@ -39,6 +52,9 @@ class LearningTask:
     problem: its decisions take time. own_flow: whether the flow of people is another than the
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
+    other_goals: how many decisions other goals would leave, and their places.
+    timeout_s: of the drives that are predicted. unused_features: why features take no part, by
+    name; own_features: (S,) of each that the place does not have itself.
     """
 
     problem: NavigationProblem
@@ -46,6 +62,10 @@ class LearningTask:
     own_flow: bool = False
     scenario_yaml: str = ""
     left_out: str = ""
+    other_goals: tuple[tuple[int, tuple[float, float]], ...] = ()
+    timeout_s: float = 120.0
+    unused_features: Mapping[str, str] = field(default_factory=dict)
+    own_features: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> LearningTask:
@@ -57,6 +77,7 @@ def task_in(scenario: Scenario, discount: float, flow_table: str = "") -> Learni
         scenario=scenario.name,
         own_flow=flow is not None,
         scenario_yaml=own_scenario_yaml(scenario),
+        timeout_s=scenario.episode_timeout_s,
     )
 
 
@@ -71,7 +92,7 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(decisions, settings, task.left_out)
+    require_enough(decisions, settings, task)
     rng = np.random.default_rng(settings.seed)
     problem = _problem_of(task.problem, settings.method, decisions)
     data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
@@ -82,19 +103,21 @@ def learn(
     dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
+    traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
+    named = {"scenario": task.scenario, "method": settings.method, "prior": found.prior}
+    n_episodes = len(decisions.episodes)
+    model = model_of_fit(
+        fit, task.problem, n_episodes=n_episodes, dynamics=dynamics, own_flow=task.own_flow, **named
+    )
+    plan = plan_of(paced, fit, driven, task.timeout_s)
+    known = {
+        "checks": _checks(task, decisions, settings, (problem, found, draws), plan, traps),
+        "features": features_of(task, found.fit.feature_names),
+    }
     return FitOutcome(
         fit,
-        model_of_fit(
-            fit,
-            task.problem,
-            scenario=task.scenario,
-            method=settings.method,
-            prior=found.prior,
-            n_episodes=len(decisions.episodes),
-            dynamics=dynamics,
-            own_flow=task.own_flow,
-        ),
-        learned_traps(paced, decisions, found.fit.reward_weights, driven),
+        model.model_copy(update=known),
+        traps,
         problem,
         decisions,
         found.prior_weight,
@@ -103,6 +126,89 @@ def learn(
         task.scenario_yaml,
         durations=durations,
     )
+
+
+def _checks(
+    task: LearningTask,
+    decisions: TimedDecisions,
+    settings: LearningSettings,
+    fitted: tuple[NavigationProblem, MethodResult, PosteriorDraws | None],
+    plan: Plan,
+    traps: LearnedTraps,
+) -> tuple[Check, ...]:
+    """Whether the data support the plan; fitted: the problem of the method, and what it found."""
+    problem, found, draws = fitted
+    tested = Criticised(
+        plan,
+        decisions,
+        with_moves_as_actions(task.problem.grid, decisions),
+        partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
+        demonstrator_of(problem, found.fit, draws),
+        traps,
+        settings.held_out_groups,
+    )
+    return criticise(tested, np.random.default_rng(settings.seed))
+
+
+def features_of(task: LearningTask, names: tuple[str, ...]) -> tuple[FeatureRecord, ...]:
+    """The features of a fit with their own values, and why others take no part."""
+    taken = (FeatureRecord(name=n, values=tuple(task.own_features.get(n, ()))) for n in names)
+    unused = (FeatureRecord(name=n, left_out=why) for n, why in task.unused_features.items())
+    return (*taken, *unused)
+
+
+def plan_of(
+    problem: NavigationProblem, fit: FitResult, dynamics: FloatArray, timeout_s: float
+) -> Plan:
+    """What a robot drives by a fit; problem: its decisions take time; dynamics: (n, N) draws."""
+    tables = require_timed(problem.mdp.transitions).local_probabilities(dynamics)
+    learned = optimal_policy(problem, fit.reward_weights, tables.mean(axis=0))
+    return Plan(problem=problem, learned=learned, draws=dynamics, timeout_s=timeout_s)
+
+
+def demonstrator_of(
+    problem: NavigationProblem, fit: FitResult, draws: PosteriorDraws | None
+) -> FloatArray:
+    """(S, A) soft policy of who drove, averaged over the posterior where the fit has one."""
+    if draws is None:
+        return fitted_policy(problem, fit)
+    return posterior_policy(problem, draws)
+
+
+def _without_choice(settings: LearningSettings, prior_weight: float | None) -> LearningSettings:
+    """The settings with the weight that all drives chose."""
+    weights = settings.prior_weights if prior_weight is None else (prior_weight,)
+    return settings.model_copy(update={"prior_weights": weights})
+
+
+def held_out_likelihood(
+    problem: NavigationProblem,
+    settings: LearningSettings,
+    training: TimedDecisions,
+    moves: TimedDecisions,
+) -> FloatArray:
+    """(N,) log-likelihood of moves under the model that other decisions give, averaged over its
+    posterior where it has one. problem: that of the method."""
+    rng = np.random.default_rng(settings.seed)
+    fit = fit_by(settings.method, fit_data(problem, training, settings, rng)).fit
+    posterior = posterior_of(problem, training, fit)
+    by_decisions = problem
+    if isinstance(problem.mdp.transitions, SemiMarkovModels):
+        by_decisions = problem.by_decisions
+    if posterior is None:
+        policy = fitted_policy(problem, fit)
+        return move_log_likelihood(by_decisions, moves, policy, fit.outcome_probabilities)
+    draws = laplace_draws(posterior, rng, 2 * MOST_DRAWS)
+    scores = []
+    for weights, believed, truth in zip(
+        draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
+    ):
+        policy = soft_policy(problem, weights, believed).probabilities
+        table = problem.outcome_models.local_probabilities(
+            truth[: problem.outcome_models.n_energies]
+        )
+        scores.append(move_log_likelihood(by_decisions, moves, policy, table))
+    return np.asarray(logsumexp(scores, axis=0) - np.log(len(scores)))
 
 
 def _problem_of(
@@ -114,17 +220,24 @@ def _problem_of(
     return timed if method == "mdce_serd_evidence" else timed.by_decisions
 
 
-def require_enough(decisions: Decisions, settings: LearningSettings, left_out: str = "") -> None:
-    """AppError where there are too few decisions to learn from; left_out: see `LearningTask`."""
-    n_decisions = len(decisions)
-    if n_decisions < settings.minimum_decisions:
-        besides, fix = f" besides {left_out}", "demonstrate more or name another --goal"
-        if not left_out:
-            besides, fix = "", "demonstrate more"
-        raise AppError(
-            f"at least minimum_decisions = {settings.minimum_decisions} decisions are needed to"
-            f" learn, got {n_decisions}{besides}; {fix}"
-        )
+def require_enough(
+    decisions: Decisions, settings: LearningSettings, task: LearningTask | None = None
+) -> None:
+    """AppError where there are too few decisions to learn from, with another goal if one helps."""
+    n_decisions, needed = len(decisions), settings.minimum_decisions
+    if n_decisions >= needed:
+        return
+    besides, fix = "", "demonstrate more"
+    if task is not None and task.left_out:
+        besides = f" besides {task.left_out}"
+        fix = "demonstrate more, as no other --goal leaves as many"
+        count, (x_m, y_m) = max(task.other_goals, default=(0, (0.0, 0.0)))
+        if count >= needed:
+            fix = f"demonstrate more, or name --goal {x_m:g},{y_m:g}, which leaves {count}"
+    raise AppError(
+        f"at least minimum_decisions = {needed} decisions are needed to learn, got"
+        f" {n_decisions}{besides}; {fix}"
+    )
 
 
 def with_still_waits(fit: FitResult) -> FitResult:

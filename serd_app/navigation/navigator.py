@@ -8,7 +8,7 @@ synced write, so that a killed process leaves whole rows.
 """
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from enum import Enum
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from serd_core.arrival.arriving_policy import TRAP_PROBABILITY
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
+from serd_files.errors import USER_ERRORS
 from serd_files.model_file import ModelFile, load_model
 from serd_files.table import EpisodeResult, OptionalFloat, append_row, columns_of
 from serd_sim.drivers.policy_driver import PolicyDriver
@@ -77,20 +78,6 @@ class ArrivalForecast:
             )
         return "waiting: action of the policy" if self.action == Action.WAIT else "driving"
 
-    def values(self) -> dict[str, object]:
-        """Numbers for `diagnostics`; a time that is never reached is NaN."""
-        return {
-            "state": self.state,
-            "action": self.action.name.lower(),
-            "elapsed_s": self.elapsed_s,
-            "arrival_probability": self.probability,
-            "median_remaining_s": quantile_or_nan_s(self.law, HALF),
-            "most_remaining_s": quantile_or_nan_s(self.law, MOST),
-            "decisions_without_progress": self.decisions_without_progress,
-            "trapped": self.trapped,
-            "least_time": self.by_time,
-        }
-
 
 def quantile_or_nan_s(law: ArrivalLaw, share: float) -> float:
     """When a share of all drives has arrived; NaN where fewer ever do."""
@@ -100,11 +87,16 @@ def quantile_or_nan_s(law: ArrivalLaw, share: float) -> float:
 
 def plan_remarks(strategy: Strategy) -> list[str]:
     """What somebody who lets the strategy drive must know of its plan, one sentence each."""
-    found, used = [], strategy.problem.feature_names
+    used = strategy.problem.feature_names
+    found = [
+        f"the data do not support the model: {check.sentence}"
+        for check in strategy.file.checks
+        if check.mark == "fails" and not strategy.transferred
+    ]
     if unused := [name for name in strategy.file.feature_names if name not in used]:
         found.append(
-            f"the model's weight of {', '.join(unused)} is not used, as no flow of people is known"
-            " here, or was where it was learned"
+            f"the model's weight of {', '.join(unused)} is not used, as what it weighs is not known"
+            " here, or was not where it was learned"
         )
     if strategy.by_time.any():
         learned = strategy.driven.learned_traps
@@ -145,8 +137,7 @@ class ProgressMonitor:
     """
 
     def __init__(self, settings: NavigationSettings) -> None:
-        self._patience_decisions = settings.patience_decisions
-        self._minimum_probability = settings.minimum_arrival_probability
+        self.settings = settings
         self.reset()
 
     def reset(self) -> None:
@@ -161,26 +152,43 @@ class ProgressMonitor:
             self._minimum_mean, self.decisions_without_progress = mean, 0
         else:
             self.decisions_without_progress += 1
-        if 0 < self._patience_decisions <= self.decisions_without_progress:
+        if 0 < self.settings.patience_decisions <= self.decisions_without_progress:
             return GiveUp.NO_PROGRESS
         if state < 0:
             return None
-        unlikely = float(arrival.within(n_steps_left)[state]) < self._minimum_probability
+        probability = float(arrival.within(n_steps_left)[state])
+        unlikely = probability < self.settings.minimum_arrival_probability
         return GiveUp.UNLIKELY if unlikely else None
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What to plan for: the place with its goal, and the model with its name for tables."""
+
+    scenario: Scenario
+    file: ModelFile
+    name: str
 
 
 class Navigator:
     """Drives by the policy of a model file; fits the `Driver` protocol.
 
     model: path or name of the one in use. forecast: that of the last decision. gave_up: the reason
-    to give the episode up, None to go on.
+    to give the episode up, None to go on. waits_for_law: whether decisions before the law of
+    arrival is known (`Strategy.has_law`) have no forecast until `complete_forecast`; else they
+    compute it.
     """
 
-    def __init__(self, scenario: Scenario, settings: NavigationSettings) -> None:
-        self._settings = settings
-        self.name, self.model = "strategy", settings.model
+    def __init__(
+        self, scenario: Scenario, settings: NavigationSettings, *, waits_for_law: bool = False
+    ) -> None:
+        self.settings = settings
+        self.name, self.waits_for_law = "strategy", waits_for_law
+        file = load_model(settings.model)
+        self.wanted = Wanted(with_goal(scenario, settings.goal), file, settings.model)
+        self.model = settings.model
         self._monitor = ProgressMonitor(settings)
-        self.strategy = self._solved(settings.model, with_goal(scenario, settings.goal))
+        self.strategy = self._solved(self.wanted)
         self._driver = PolicyDriver(
             self.strategy.problem.grid,
             self.strategy.policy.probabilities,
@@ -189,8 +197,13 @@ class Navigator:
             name=self.name,
         )
         self._started_s: float | None = None
+        self._decision: tuple[float, int, Action] | None = None
         self.gave_up: GiveUp | None = None
         self.forecast: ArrivalForecast | None = None
+
+    def change(self, settings: NavigationSettings) -> None:
+        """Give up by other settings from now on; nothing else is taken from them."""
+        self.settings = self._monitor.settings = settings
 
     @property
     def reason(self) -> str:
@@ -202,17 +215,29 @@ class Navigator:
         self._driver.begin(episode)
         self._monitor.reset()
         self._started_s, self.gave_up, self.forecast = None, None, None
+        self._decision = None
 
     def decide(self, observation: Observation, state: int) -> Action:
         """The action of the policy in a cell, WAIT off the grid; sets `forecast`, `gave_up`."""
         if self._started_s is None:
             self._started_s = observation.time_s
         action = self._driver.decide(observation, state)
-        elapsed_s = observation.time_s - self._started_s
+        self._decision = observation.time_s, state, action
+        self.forecast = self.gave_up = None
+        if self.strategy.has_law or not self.waits_for_law:
+            self.complete_forecast()
+        return action
+
+    def complete_forecast(self) -> None:
+        """Set `forecast` and `gave_up` of the last decision, by the law of arrival."""
+        if self._decision is None or self._started_s is None or self.forecast is not None:
+            return
+        time_s, state, action = self._decision
+        elapsed_s = time_s - self._started_s
         left = self.strategy.n_steps - round(elapsed_s / STEP_S)
         self.gave_up = self._monitor.update(self.strategy.arrival, state, left)
         self.forecast = ArrivalForecast(
-            time_s=observation.time_s,
+            time_s=time_s,
             elapsed_s=elapsed_s,
             state=state,
             action=action,
@@ -222,12 +247,11 @@ class Navigator:
             decisions_without_progress=self._monitor.decisions_without_progress,
             by_time=state >= 0 and bool(self.strategy.by_time[state]),
         )
-        return action
 
     def set_goal(self, x_m: float, y_m: float) -> None:
         """Plan for the cell at a point; SimError where there is none."""
-        scenario = goal_at(self.strategy.scenario, x_m, y_m)
-        self._replace(self._solved(self.model, scenario, self.strategy.file))
+        self.want_goal(x_m, y_m)
+        self.use(self.wanted, self.solve(self.wanted))
 
     def set_model(self, path: str) -> None:
         """Plan by another model file, or by the same one read again; FileError if unusable."""
@@ -235,29 +259,57 @@ class Navigator:
 
     def use_model(self, file: ModelFile, name: str) -> None:
         """Plan by a model under a name for tables; an equal model changes the name only."""
-        if file != self.strategy.file:
-            self._replace(self._solved(name, self.strategy.scenario, file))
-        self.model = name
+        self.want_model(file, name)
+        try:
+            self.use(self.wanted, self.solve(self.wanted))
+        except USER_ERRORS:
+            self.keep_plan()
+            raise
+
+    def want_goal(self, x_m: float, y_m: float) -> None:
+        """Ask for a plan for the cell at a point; SimError where there is none."""
+        self.wanted = replace(self.wanted, scenario=goal_at(self.wanted.scenario, x_m, y_m))
+
+    def want_model(self, file: ModelFile, name: str) -> None:
+        """Ask for a plan by a model."""
+        self.wanted = replace(self.wanted, file=file, name=name)
+
+    def keep_plan(self) -> None:
+        """Ask for nothing but the plan that there is."""
+        self.wanted = Wanted(self.strategy.scenario, self.strategy.file, self.model)
+
+    def solve(self, wanted: Wanted) -> Strategy:
+        """The plan for what is wanted, in any thread; the present one where that is the same."""
+        same_goal = wanted.scenario.goal_area_m == self.strategy.scenario.goal_area_m
+        if same_goal and wanted.file == self.strategy.file:
+            return self.strategy
+        return self._solved(wanted)
+
+    def use(self, wanted: Wanted, strategy: Strategy) -> None:
+        """Drive by a plan from `solve`."""
+        self.model = wanted.name
+        if strategy is not self.strategy:
+            self.strategy = strategy
+            self._driver.follow(strategy.policy.probabilities)
+            self._monitor.reset()
 
     def way_m(self, observation: Observation) -> FloatArray:
         """(N, 2) the way of the greedy policy from here."""
         state = self.strategy.problem.grid.state_at(observation.x_m, observation.y_m)
         return self.strategy.intended_path_m(state) if state >= 0 else np.zeros((0, 2))
 
-    def _solved(self, path: str, scenario: Scenario, file: ModelFile | None = None) -> Strategy:
-        return load_strategy(
-            path,
-            scenario,
-            self._settings.policy,
-            transfer=self._settings.transfer,
-            timeout_s=self._settings.timeout_s,
-            file=file,
+    def _solved(self, wanted: Wanted) -> Strategy:
+        strategy = load_strategy(
+            wanted.name,
+            wanted.scenario,
+            self.settings.policy,
+            plan_quantile=self.settings.plan_quantile,
+            transfer=self.settings.transfer,
+            timeout_s=self.settings.timeout_s,
+            file=wanted.file,
         )
-
-    def _replace(self, strategy: Strategy) -> None:
-        self.strategy = strategy
-        self._driver.follow(strategy.policy.probabilities)
-        self._monitor.reset()
+        _ = strategy.traps  # planned here, not where it is used
+        return strategy
 
 
 @dataclass(frozen=True)

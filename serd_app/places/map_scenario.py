@@ -133,6 +133,10 @@ def _grid_of_area(area: shapely.Polygon, settings: PlaceSettings) -> Grid:
     return cells.grid
 
 
+#: Name of a scenario of the cells in which a robot was.
+FITTED = "fitted grid"
+
+
 def grid_scenario(
     grid: Grid,
     goal_states: IntArray,

@@ -55,17 +55,44 @@ def read_map(path: Path) -> OccupancyRaster:
             " topic"
         )
     described = load_yaml_model(path, MapFile)
+    cells = _occupancies(_image(path, described), described)
+    x_m, y_m, yaw_rad = described.origin
+    return OccupancyRaster((x_m, y_m), described.resolution, cells[::-1], yaw_rad)
+
+
+def read_shades(path: Path, points_m: FloatArray) -> FloatArray:
+    """The blackness (N,), from 0 to 1, of a map at points (N, 2); FileError where one is beside."""
+    described = load_yaml_model(path, MapFile)
+    shade = _image(path, described)[:, :, :3].mean(axis=2)
+    black = (shade if described.negate else 1.0 - shade)[::-1]
+    x_m, y_m, yaw_rad = described.origin
+    east, north = (points_m - (x_m, y_m)).T
+    along = np.cos(yaw_rad) * east + np.sin(yaw_rad) * north
+    across = np.cos(yaw_rad) * north - np.sin(yaw_rad) * east
+    column, row = (
+        np.floor(each / described.resolution).astype(np.int64) for each in (along, across)
+    )
+    inside = (row >= 0) & (row < black.shape[0]) & (column >= 0) & (column < black.shape[1])
+    if not inside.all():
+        beside = points_m[int(np.argmin(inside))]
+        raise FileError(
+            f"{path}: the raster must cover all cells, it ends before ({beside[0]:g},"
+            f" {beside[1]:g}) m; make it larger or correct its origin"
+        )
+    return np.asarray(black[row, column])
+
+
+def _image(path: Path, described: MapFile) -> FloatArray:
+    """(H, W, 3 or 4) colours of the image of a map; FileError where it cannot be read."""
     image_path = path.parent / described.image
     read_bytes(image_path)  # FileError with the reason where it cannot be read
     try:
         with Image.open(image_path) as image:
-            cells = _occupancies(_channels(image), described)
+            return _channels(image)
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise FileError(
             f"{image_path}: must be an image (PGM, PNG or BMP), got another file ({error})"
         ) from None
-    x_m, y_m, yaw_rad = described.origin
-    return OccupancyRaster((x_m, y_m), described.resolution, cells[::-1], yaw_rad)
 
 
 def _channels(image: Image.Image) -> FloatArray:

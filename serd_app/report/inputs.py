@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from serd_app.learning.criticism import RecordedTimes
 from serd_app.learning.knowledge import Knowledge
-from serd_app.navigation.comparison import RecordedTimes, arrival_times_s, predicted_law
+from serd_app.navigation.comparison import arrival_times_s, predicted_law
 from serd_core.arrays import FloatArray
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.decisions import Decisions

@@ -18,6 +18,7 @@ from matplotlib.patches import Polygon, Rectangle
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MultipleLocator
 
+from serd_app.places.map_scenario import FITTED
 from serd_app.report import style
 from serd_app.report.style import Look, new_figure, save_figure
 from serd_bag.quantities import counted
@@ -229,9 +230,13 @@ def map_figure(scenario: Scenario, width_in: float = 6.4) -> tuple[Figure, Axes]
     axes.add_patch(Polygon(floor, facecolor=style.FLOOR, edgecolor="none", zorder=0))
     wall: Look = {"edgecolor": style.WALL, "zorder": 6}
     outline = wall | {"fill": False, "linewidth": 2.2, "joinstyle": "miter", "gid": "wall"}
+    solid: Look = {"facecolor": style.WALL, "gid": "obstacle", **wall}
+    if scenario.name == FITTED:  # the edge of visited cells is no wall
+        edge: Look = {"edgecolor": style.MUTED, "linestyle": (0, (2, 2)), "zorder": 6}
+        outline, solid = edge | {"fill": False}, edge | {"facecolor": style.PAPER}
     axes.add_patch(Polygon(floor, **outline))
     for obstacle in obstacles:
-        axes.add_patch(Polygon(obstacle, facecolor=style.WALL, gid="obstacle", **wall))
+        axes.add_patch(Polygon(obstacle, **solid))
     _frame(axes, scenario)
     return figure, axes
 

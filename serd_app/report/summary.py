@@ -33,7 +33,8 @@ def summary_of(inputs: ReportInputs) -> Summary:
     states in which the policy takes the way of least expected time, as the learned one does not
     arrive; n_trap_states: those from which no policy does. recorded_times_s: of arrival of the
     demonstrations, None where they are not known. no_prediction_because: why the predicted arrival
-    is not stated, none where it is.
+    is not stated, none where it is. checks: of the model, see
+    `serd_app.learning.criticism`.
     """
     fit, n_given, recorded = inputs.fit, inputs.n_demonstrations, inputs.recorded
     run, strategy = inputs.run, inputs.strategy
@@ -50,9 +51,11 @@ def summary_of(inputs: ReportInputs) -> Summary:
         "no_prediction_because": reasons_against_prediction(
             n_demonstrations=n_demonstrations,
             starts=starts_of(strategy, "train"),
+            checks=strategy.file.checks,
             recorded=recorded,
             measured=(inputs.predicted, inputs.arrival_times_s) if inputs.episodes else None,
         ),
+        "checks": [each.model_dump() for each in strategy.file.checks],
         **_of_fit(inputs),
         "wall_s": {phase.name: phase.wall_s for phase in run.phases},
         "seeds": dict(run.seeds),
@@ -92,12 +95,14 @@ def _of_arrival(inputs: ReportInputs) -> dict[str, Any]:
 def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
     """Of rewards and outcomes."""
     fit, models = inputs.fit, inputs.strategy.problem.model_names
+    file = inputs.strategy.file
     initial = fit.initial_outcome_probabilities.tolist()
     return {
         "converged": bool(fit.converged),
         "n_steps": int(fit.n_steps),
         "objective": float(fit.objective),
         "reward_weights": dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
+        "features_left_out": {each.name: each.left_out for each in file.features if each.left_out},
         "decisions_per_model": dict(zip(models, known_decisions(inputs).tolist(), strict=True)),
         "outcome_probabilities": dict(zip(models, fit.outcome_probabilities.tolist(), strict=True)),
         "initial_outcome_probabilities": dict(zip(models, initial, strict=True)),
@@ -107,7 +112,8 @@ def _of_fit(inputs: ReportInputs) -> dict[str, Any]:
 def headline_of(summary: Summary) -> str:
     """From how many demonstrations, how many arrivals, how fast, and what had been predicted.
 
-    Where the prediction is not supported it is left out, and the sentence says why.
+    Where the prediction is not supported it is left out, and the sentence says why; where a check
+    of the model fails, that is the sentence.
     """
     after = f"After {counted(summary['n_demonstrations'], 'demonstration')}"
     within = f"within {seconds_in_words(summary['timeout_s'])}"
@@ -124,6 +130,9 @@ def headline_of(summary: Summary) -> str:
             f"{_speed(summary['measured_median_s'], half_s)}."
         )
     after += f" with {counted(summary['n_decisions'], 'decision')}"
+    failure = next((each["sentence"] for each in summary["checks"] if each["mark"] == "fails"), "")
+    if failure:
+        return f"{failure[0].upper()}{failure[1:]}."
     if reasons:
         arrived = _recorded(summary)
         return f"{after}{arrived} the arrival of the robot is not predicted, because {reasons}."

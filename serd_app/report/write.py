@@ -12,6 +12,7 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
+from serd_app.learning.knowledge import WeightRow, spanned
 from serd_app.navigation.comparison import Agreement, reasons_text
 from serd_app.report.charts import (
     OUTCOME_LABELS,
@@ -95,6 +96,10 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     return found
 
 
+def _spanned(row: WeightRow) -> str:
+    return spanned(row.lower, row.median, row.upper, ".4f")
+
+
 def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, bytes]) -> str:
     """The whole page as text; `pictures` are SVG bytes by figure name."""
     problem = inputs.strategy.problem
@@ -106,6 +111,7 @@ def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, b
         lstrip_blocks=True,
     )
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
+    environment.filters["spanned"] = _spanned
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
         headline=headline_of(summary),
@@ -136,7 +142,11 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         *recorded,
         *_arrival_rows(summary),
         ("Trap states", str(summary["n_trap_states"])),
-        *(("Plan", f"{remark[0].upper()}{remark[1:]}.") for remark in summary["plan_remarks"]),
+        *(
+            ("Plan", f"{remark[0].upper()}{remark[1:]}.")
+            for remark in summary["plan_remarks"]
+            if not remark.startswith("the data do not support")
+        ),
         (
             "Fit",
             f"{'converged' if summary['converged'] else 'did NOT converge'} "

@@ -1,4 +1,4 @@
-"""`serd bag`: inspect, check, repair, convert, map and play recordings."""
+"""`serd bag`: rescue, inspect, check, convert, map and play recordings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -7,7 +7,8 @@ import typer
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from serd_bag.command.commands import Page, convert_bags, recover_bags, show_checks, show_contents
+from serd_bag.command.commands import Page, convert_bags, rescue_bags, show_checks, show_contents
+from serd_bag.command.texts import TEXTS
 from serd_bag.errors import printable
 from serd_bag.files import atomic_write_text
 from serd_bag.formats.mcap.writer import Compression
@@ -19,13 +20,11 @@ from serd_ros.settings import BagReplayConfig
 if TYPE_CHECKING:
     from serd_app.demonstrations.suggest import Suggestion
 
-Bags = Annotated[list[Path], arg("bag folders, or .mcap, .db3 or .bag files", "BAG")]
-Bag = Annotated[Path, arg("bag folder, or .mcap, .db3 or .bag file", "BAG")]
-Output = Annotated[Path | None, opt("folder of the new bag, which must be empty or not exist")]
+Bags = Annotated[list[Path], arg(TEXTS["bags"], "BAG")]
+Bag = Annotated[Path, arg(TEXTS["bags"], "BAG")]
+Output = Annotated[Path | None, opt(TEXTS["output"])]
 Texts = list[str] | None
-Required = Annotated[
-    Texts, opt("topic that must have messages: /whole/name, or name in any namespace; repeat")
-]
+Required = Annotated[Texts, opt(TEXTS["require"])]
 Mapping = Annotated[Path, opt("mapping file to write, ending in .yaml")]
 Topics = Annotated[Texts, opt("play this one; repeat for more")]
 Remap = Annotated[Texts, opt("play into another topic", metavar="FROM:=TO")]
@@ -34,7 +33,11 @@ WaitFor = Annotated[Texts, opt("start when this node subscribes", metavar="NODE"
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
 
-def info(bags: Bags, as_json: AsJson = False) -> None:
+def info(
+    bags: Bags,
+    sizes: Annotated[bool, opt(TEXTS["sizes"], "--sizes")] = False,
+    as_json: AsJson = False,
+) -> None:
     """Show what bags hold.
 
     serd bag info demo_output/run-1/bag
@@ -43,7 +46,7 @@ def info(bags: Bags, as_json: AsJson = False) -> None:
     and their faults are listed. Exit code 1 where messages of a bag are known to be lost, or where
     none of a damaged one can be read.
     """
-    raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json)))
+    raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json), sizes=sizes))
 
 
 def check(bags: Bags, require: Required = None, as_json: AsJson = False) -> None:
@@ -56,28 +59,34 @@ def check(bags: Bags, require: Required = None, as_json: AsJson = False) -> None
     raise typer.Exit(show_checks(bags, require or (), RichScreen(as_json=as_json)))
 
 
-def recover(bags: Bags, output: Output = None, as_json: AsJson = False) -> None:
-    """Write the readable messages of a damaged bag as a new bag.
+def rescue(
+    bags: Bags,
+    output: Output = None,
+    verified_only: Annotated[bool, opt(TEXTS["verified_only"], "--verified-only")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Save every whole message of a broken recording, or of any bytes that hold some.
 
-    The new bag is BAG_recovered beside the damaged one, or --output.
-    The damaged bag is not changed. Exit code 0 where no message is known to be missing from the
-    new bag, 1 where messages are known to be lost or had to be left out, 3 where none of a damaged
-    bag could be read.
+    serd bag rescue BAG
+
+    The new bag is BAG_rescued beside the broken one, or --output, with a certificate of what was
+    lost. The broken one is not changed. Exit code 0 where nothing was lost, 1 where something was
+    or may be, 2 where nothing can be read.
     """
-    raise typer.Exit(recover_bags(bags, output, RichScreen(as_json=as_json)))
+    screen = RichScreen(as_json=as_json)
+    raise typer.Exit(rescue_bags(bags, output, screen, doubtful=not verified_only))
 
 
 def convert(
     bags: Bags,
     output: Output = None,
-    compression: Annotated[Compression, opt("compression of the new bag")] = "none",
+    compression: Annotated[Compression, opt(TEXTS["compression"])] = "none",
     as_json: AsJson = False,
 ) -> None:
-    """Write any sound rosbag2 as MCAP.
+    """Write any sound bag as MCAP of ROS 2.
 
-    The new bag is BAG_mcap beside the old one, or --output. Messages of types not installed here
-    are copied too. Exit code 1 where messages had to be left out, as those that are not CDR, 2
-    where the bag is damaged.
+    The new bag is BAG_mcap beside the old one, or --output. Messages of ROS 1 become those of ROS 2
+    with the same fields, all others stay as they are. Exit code 2 where the bag is damaged.
     """
     raise typer.Exit(convert_bags(bags, output, compression, RichScreen(as_json=as_json)))
 
@@ -190,5 +199,5 @@ class RichScreen:
             progress_console.print(remark, style="yellow", soft_wrap=True)
 
 
-for function in (info, check, suggest, recover, convert, play):
+for function in (info, check, suggest, rescue, convert, play):
     add_command(group, function.__name__, function)

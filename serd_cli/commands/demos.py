@@ -95,4 +95,7 @@ def demos(
         print_json(values_of(done))
         return
     print_demonstrated(done)
+    if done.too_few:
+        console.print(done.too_few, style="yellow", soft_wrap=True)
+        return
     console.print(f"next: serd learn {shlex.quote(str(output))} --report report", soft_wrap=True)

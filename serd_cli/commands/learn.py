@@ -2,9 +2,9 @@
 
 What 'serd demos' wrote beside the table must still be there.
 model.grid.yaml and model.learning.csv are written beside the model; with
-a prior by evidence also model.posterior.csv and model.durations.csv, and
-the information that a demonstration from each cell is expected to add:
-model.next_demonstration.csv and .png.
+a prior by evidence also model.posterior.csv, model.weights.csv and
+model.durations.csv, and the information that a demonstration from each
+cell is expected to add: model.next_demonstration.csv and .png.
 
 Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
 knows the dynamics; prior by evidence, predictions averaged over the
@@ -42,6 +42,9 @@ Goals = Annotated[
     list[str] | None,
     opt("x,y (m) of a goal cell, repeat; by default the scenario's, else the ends"),
 ]
+Features = Annotated[
+    Path | None, opt("YAML file of own features: a polygon, a point or a raster each")
+]
 Page = Annotated[Path | None, opt("folder for an HTML page as of 'serd report'")]
 
 
@@ -56,6 +59,7 @@ def learn(
     scenario: OtherScenario = "",
     flow: Flow = "auto",
     goal: Goals = None,
+    features: Features = None,
     report: Page = None,
     as_json: AsJson = False,
     **options: Any,
@@ -82,6 +86,7 @@ def learn(
             scenario=scenario,
             flow=flow,
             goals_m=tuple(point_of(each) for each in goal or ()),
+            features=features,
             report=report,
             on_progress=show,
         )

@@ -11,10 +11,10 @@ import numpy as np
 
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.drives.drive import LONGEST_GAP_S
+from serd_app.learning.criticism import recorded_times
 from serd_app.learning.knowledge import load_knowledge
 from serd_app.learning.learning_files import episodes_reaching, until_goal
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
-from serd_app.navigation.comparison import recorded_times
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.summary import headline_of
 from serd_app.report.write import summary_rows, write_report

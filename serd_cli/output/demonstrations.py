@@ -47,6 +47,7 @@ def values_of(done: Demonstrated) -> dict[str, Any]:
         "bags": [each.values() for each in done.found],
         "flow": flow_values(done.flow, place.flow),
         "cell_size_m": place.grid.cell_size_m,
+        "too_few": done.too_few,
         "patience_s": place.patience_s,
         "wait_s": place.wait_s,
         "files": {name: str(path.resolve()) for name, path in done.files.items()},

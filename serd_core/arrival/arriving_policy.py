@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.chain import ArrivalByState, can_reach, goal_mask
+from serd_core.arrival.chain import can_reach, goal_mask
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import TabularProblem
@@ -67,17 +67,29 @@ NEVER = 1e9
 TRAP_PROBABILITY = 0.5
 
 
+def likely_by_moments(mean_s: FloatArray, square_s2: FloatArray, within_s: float) -> BoolArray:
+    """(S,) where mean and mean square of a time prove that it ends in time with probability 1/2.
+
+    Cantelli: P(T > t) <= v / (v + (t - m)^2) for the variance v and a mean m below t.
+
+    >>> likely_by_moments(np.array([1.0, 1.0, 3.0]), np.array([1.5, 9.0, 9.0]), 2.0)
+    array([ True, False, False])
+    """
+    left_s = within_s - mean_s
+    with np.errstate(invalid="ignore"):  # inf where it is not certain that it ends
+        return np.asarray((left_s > 0) & (square_s2 - mean_s**2 <= left_s**2))
+
+
 @dataclass(frozen=True, eq=False)
 class ArrivingPolicy:
     """A policy that leaves the traps of a learned one by the way of least expected time.
 
-    policy: the one to drive; its value and q are those of the learned policy. arrival: of that
-    policy. by_time: (S,) states in which the way of least expected time is taken. learned_traps: of
-    the learned policy. traps: states from which neither arrives.
+    policy: the one to drive; its value and q are those of the learned policy. by_time: (S,) states
+    in which the way of least expected time is taken. learned_traps: of the learned policy. traps:
+    states from which neither arrives.
     """
 
     policy: Policy
-    arrival: ArrivalByState
     by_time: BoolArray
     learned_traps: Traps
     traps: Traps
@@ -88,27 +100,24 @@ def arriving_policy(
     learned: Policy,
     outcome_probabilities: FloatArray,
     seconds: FloatArray,
-    arrival_of: Callable[[Policy], ArrivalByState],
-    n_steps: int,
+    likely_of: Callable[[Policy], BoolArray],
 ) -> ArrivingPolicy:
     """The learned policy with the way of least expected time in every state that is trapped.
 
-    outcome_probabilities: (M, K); seconds: (S, A) mean of each decision. arrival_of: returns the
-    arrival from every state by a policy; n_steps: its steps until the time-out. A state from which
-    the learned policy alone arrives, but not where it meets such a way, takes that way too.
+    outcome_probabilities: (M, K); seconds: (S, A) mean of each decision. likely_of: returns the
+    (S,) states from which a policy arrives before the time-out with `TRAP_PROBABILITY` at least. A
+    state from which the learned policy alone arrives, but not where it meets such a way, takes that
+    way too.
     """
 
-    def arrives(policy: Policy) -> tuple[ArrivalByState, Traps]:
-        arrival = arrival_of(policy)
-        cells, likely = problem.grid.neighbours, arrival.within(n_steps)
-        goals = problem.goal_states
-        looping = trap_states(cells, policy.probabilities, goals)
-        return arrival, Traps(looping, likely < TRAP_PROBABILITY)
+    def traps_of(policy: Policy) -> Traps:
+        looping = trap_states(problem.grid.neighbours, policy.probabilities, problem.goal_states)
+        return Traps(looping, ~likely_of(policy))
 
-    driven, (arrival, traps) = learned, arrives(learned)
+    driven, traps = learned, traps_of(learned)
     learned_traps, by_time = traps, np.zeros(len(learned.greedy), dtype=np.bool_)
     if not len(traps.states):
-        return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
+        return ArrivingPolicy(driven, by_time, learned_traps, traps)
     fastest = least_time_policy(problem, outcome_probabilities, seconds)
     while (more := (traps.looping | traps.unlikely) & ~by_time).any():
         by_time |= more
@@ -117,12 +126,12 @@ def arriving_policy(
             probabilities=np.where(by_time[:, None], fastest.probabilities, learned.probabilities),
             greedy=np.where(by_time, fastest.greedy, learned.greedy),
         )
-        arrival, traps = arrives(driven)
+        traps = traps_of(driven)
     lost = traps.unlikely
     if lost.any():
-        lost = lost & (arrival_of(fastest).within(n_steps) < TRAP_PROBABILITY)
+        lost = lost & ~likely_of(fastest)
     traps = Traps(traps.looping & lost, lost)
-    return ArrivingPolicy(driven, arrival, by_time, learned_traps, traps)
+    return ArrivingPolicy(driven, by_time, learned_traps, traps)
 
 
 def least_time_policy(

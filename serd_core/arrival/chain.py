@@ -106,11 +106,7 @@ class ArrivalByState:
 
 def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray) -> FloatArray:
     """(S,) probability of ever being in a goal state, for a start in each state."""
-    steps = scipy.sparse.coo_array(chain)
-    steps.sum_duplicates()
-    kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
-    places = steps.row[kept], steps.col[kept]
-    onward = scipy.sparse.csr_array((steps.data[kept], places), shape=steps.shape)
+    onward = _onward(chain, goal)
     lost = ~can_reach(onward, goal)
     open_states = np.flatnonzero(can_reach(onward, lost) & ~lost)
     arriving = np.where(lost, 0.0, 1.0)
@@ -119,15 +115,26 @@ def probability_of_ever_arriving(chain: scipy.sparse.csr_array, goal: BoolArray)
     return arriving
 
 
+def _onward(chain: scipy.sparse.csr_array, goal: BoolArray) -> scipy.sparse.csr_array:
+    """(S, S) the steps that lead to another state, none from a goal."""
+    steps = scipy.sparse.coo_array(chain)
+    steps.sum_duplicates()
+    kept = (steps.data > 0) & (steps.row != steps.col) & ~goal[steps.row]
+    places = steps.row[kept], steps.col[kept]
+    return scipy.sparse.csr_array((steps.data[kept], places), shape=steps.shape)
+
+
 def can_reach(onward: scipy.sparse.csr_array, target: BoolArray) -> BoolArray:
     """(S,) whether a target (S,) can be reached by the steps of a graph (S, S), or is there."""
-    reversed_graph = scipy.sparse.csr_array(onward.T)
-    reaches, new = np.array(target, dtype=np.bool_), np.flatnonzero(target)
-    while len(new):
-        before = np.unique(reversed_graph[new].indices)
-        new = before[~reaches[before]]
-        reaches[new] = True
-    return reaches
+    steps, n_states = scipy.sparse.coo_array(onward), len(target)
+    goals = np.flatnonzero(target)
+    # One more state, from which the reversed steps lead to all targets.
+    start = np.concatenate([steps.col, np.full(len(goals), n_states)])
+    end = np.concatenate([steps.row, goals])
+    shape = (n_states + 1, n_states + 1)
+    back = scipy.sparse.csr_array((np.ones(len(start)), (start, end)), shape=shape)
+    found = scipy.sparse.csgraph.breadth_first_order(back, n_states, return_predecessors=False)
+    return np.isin(np.arange(n_states), found)
 
 
 def _arriving_of_open_states(
@@ -200,8 +207,8 @@ def _block(band: FloatArray, width: int, first: int, last: int) -> FloatArray:
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8
 #: Steps, doubled as often as needed, after which the law is constant where a later arrival has at
-#: most this probability.
-SOON, SETTLED = 512, 1e-4
+#: most this probability; where mean and deviation are known, about so many deviations.
+SOON, SETTLED, _DEVIATIONS = 512, 1e-4, 4.0
 #: Numbers per step and state that are held at once.
 _ARRAYS = 4
 #: Of matrices in order; pivots on the diagonal, which is at least the sum of the row's others.
@@ -245,20 +252,36 @@ def timed_arrival(
 
         arrival = sc.timed_arrival(timed, policy.probabilities, fit.parameters.truth, 0.2, 300)
     """
-    goal, mdp = goal_mask(problem), problem.mdp
-    choice, model = checked_policy("policy", policy, mdp), mdp.transitions
     checks.require_positive("step_s", step_s, "use 0.1")
     checks.require_count("n_steps", n_steps, 0, "the time-out's")
+    chain, laws = _timed_chain(problem, policy, parameters)
+    mass = np.array([[0.0, 1.0]]) if laws is None else dwell_steps(*laws, step_s, n_steps)
+    mean_s, square_s2 = _moments(chain, laws, step_s)
+    certain = np.isfinite(mean_s)
+    deviation_s = np.sqrt((square_s2[certain] - mean_s[certain] ** 2).clip(0.0))
+    late_s = (mean_s[certain] + _DEVIATIONS * deviation_s).max(initial=0.0)
+    soon = SOON
+    while soon * step_s < late_s:
+        soon *= 2
+    return renewal_arrival(chain, mass, n_steps, soon)
+
+
+def _timed_chain(
+    problem: GoalProblem, policy: FloatArray, parameters: FloatArray
+) -> tuple["RenewalChain", tuple[FloatArray, FloatArray] | None]:
+    """The moves of a policy, and mean (s) and shape (C,) of their classes; None without times."""
+    goal, mdp = goal_mask(problem), problem.mdp
+    choice, model = checked_policy("policy", policy, mdp), mdp.transitions
     theta = checks.float_array("parameters", parameters, (model.n_parameters,))
+    of_classes = None
     if isinstance(model, SemiMarkovModels):
         laws = model.laws(theta)
         pairs = np.stack([laws.mean_s, laws.shape], axis=2).reshape(-1, 2)
         distinct, place = np.unique(pairs, axis=0, return_inverse=True)
         classes, table = place.reshape(-1)[model.local_index], laws.probability
-        mass = dwell_steps(distinct[:, 0], distinct[:, 1], step_s, n_steps)
+        of_classes = distinct[:, 0], distinct[:, 1]
     else:
         classes, table = np.zeros(model.n_entries, dtype=np.int64), model.local_probabilities(theta)
-        mass = np.array([[0.0, 1.0]])
     chain = RenewalChain(
         state=model.row // mdp.n_actions,
         successor=model.successor,
@@ -266,7 +289,43 @@ def timed_arrival(
         dwell=classes,
         goal=goal,
     )
-    return renewal_arrival(chain, mass, n_steps)
+    return chain, of_classes
+
+
+def arrival_moments(
+    problem: GoalProblem, policy: FloatArray, parameters: FloatArray, step_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """(S,) mean (s) and (S,) mean square (s^2) of the time until arrival, by two linear solves.
+
+    inf where it is not certain. The mean square is at least that of a law in steps of step_s.
+    """
+    checks.require_positive("step_s", step_s, "use 0.1")
+    return _moments(*_timed_chain(problem, policy, parameters), step_s)
+
+
+def _moments(
+    chain: "RenewalChain", laws: tuple[FloatArray, FloatArray] | None, step_s: float
+) -> tuple[FloatArray, FloatArray]:
+    mean_s, shape = (np.full(1, step_s), np.full(1, np.inf)) if laws is None else laws
+    square_s2 = mean_s**2 * (1.0 + 1.0 / shape) + step_s**2 / 4.0
+    onward = _onward(chain.matrix().tocsr(), chain.goal)
+    certain = ~can_reach(onward, ~can_reach(onward, chain.goal))
+    inner = np.flatnonzero(certain & ~chain.goal)
+    first, second = np.where(certain, 0.0, np.inf), np.where(certain, 0.0, np.inf)
+    if not len(inner):
+        return first, second
+    matrix = chain.matrix()[:, inner][inner, :]
+    factor = splu(scipy.sparse.csc_array(scipy.sparse.identity(len(inner)) - matrix))
+
+    def solved(of_moves: FloatArray) -> FloatArray:
+        sums = np.bincount(chain.state, chain.probability * of_moves, len(chain.goal))
+        return np.asarray(factor.solve(sums[inner]))
+
+    taken_s = mean_s[chain.dwell]
+    first[inner] = solved(taken_s)
+    after_s = np.where(certain, first, 0.0)[chain.successor]
+    second[inner] = solved(square_s2[chain.dwell] + 2.0 * taken_s * after_s)
+    return first, second
 
 
 def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: int) -> FloatArray:
@@ -286,8 +345,13 @@ def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: i
     return np.asarray(mass.clip(0.0, 1.0))
 
 
-def renewal_arrival(chain: RenewalChain, mass: FloatArray, n_steps: int) -> ArrivalByState:
-    """The arrival by a chain; moves of class c take j steps with the probability mass[c, j]."""
+def renewal_arrival(
+    chain: RenewalChain, mass: FloatArray, n_steps: int, soon: int = SOON
+) -> ArrivalByState:
+    """The arrival by a chain; moves of class c take j steps with the probability mass[c, j].
+
+    soon: steps that are tried first, see `SOON`.
+    """
     size = n_steps + 1
     checks.require_memory(
         f"arrival within {n_steps} steps from each of {len(chain.goal)} states",
@@ -295,7 +359,7 @@ def renewal_arrival(chain: RenewalChain, mass: FloatArray, n_steps: int) -> Arri
         "take an earlier time-out, longer steps or larger cells",
     )
     ever = probability_of_ever_arriving(chain.matrix().tocsr(), chain.goal)
-    system, soon = _Equations(chain), min(size, SOON)
+    system, soon = _Equations(chain), min(size, soon)
     cdf = _arrived(system, mass, soon)
     while soon < size and np.any(ever - cdf[-1] > SETTLED):
         soon = min(2 * soon, size)

@@ -65,6 +65,7 @@ class AscentResult:
     """Where an ascent ended; converged means the gradient norm is within its tolerance.
 
     by_rounding: whether it did not converge because rounding hides what a step gains.
+    newton_decrement: length of the Newton step there, in standard errors; NaN where unknown.
     """
 
     vector: FloatArray
@@ -76,6 +77,7 @@ class AscentResult:
     message: str
     objective_trace: FloatArray
     by_rounding: bool = False
+    newton_decrement: float = np.nan
 
 
 class Ascent(ABC):

@@ -210,7 +210,8 @@ class NewtonAscent(Ascent):
         """
         climb = Climb(objective, on_step, np.array(start, dtype=np.float64))
         climb.follow(self.tries(climb, information), self.max_steps)
-        return climb.result()
+        found = climb.result()
+        return replace(found, newton_decrement=found.gradient_norm)
 
     def tries(self, climb: Climb, information: FloatArray | None = None) -> Iterator[None]:
         """Try steps, whose Hessian is kept while they shrink the Newton step well."""

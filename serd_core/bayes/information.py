@@ -24,9 +24,9 @@ import scipy.sparse
 from scipy.special import gammaln, psi
 
 from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, require_laplace
+from serd_core.bayes.hyperpriors import Scales
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, interval_draws, require_laplace
 from serd_core.bellman.bellman_solver import BellmanSolution
-from serd_core.checks import require_share
 from serd_core.dynamics.estimation import most_likely_dynamics
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import (
@@ -38,7 +38,7 @@ from serd_core.dynamics.transition_model import (
 from serd_core.errors import SerdError
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import solution_at
-from serd_core.posterior.coordinates import gauge_free_basis
+from serd_core.posterior.coordinates import feature_ranges, gauge_free_basis
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior
@@ -49,8 +49,6 @@ from serd_core.semi_markov.models import SemiMarkovModels
 #: Information below this is called none.
 LEAST_NATS = 0.05
 PRIOR_ONLY = "prior only"
-#: Draws of the posterior from which intervals are taken.
-N_DRAWS = 400
 #: Visits of later decisions count as none below this share of the demonstrations.
 LEFT = 1e-6
 
@@ -61,7 +59,10 @@ class OutcomeInformation:
 
     n_decisions: how many were observed; from_transitions, from_choices: information gained.
     shared: with all reward weights; partner: the feature whose weight shares most.
-    lower, median, upper: (M, K), of the central intervals that hold `mass` of the posterior.
+    lower, median, upper: (M, K), of the central intervals that hold `mass` of the posterior; NaN
+    where the chains did not mix. weights: (3, F) the same of reward weights.
+    from_data: (M, K) nats of the posterior of each probability from its prior without the data of
+    its model, both taken as normal. from_choices_of_weights: (F,) the same of each weight.
     draws: of the posterior, from which these are.
     """
 
@@ -74,11 +75,23 @@ class OutcomeInformation:
     median: FloatArray
     upper: FloatArray
     mass: float
+    weights: FloatArray
+    from_data: FloatArray
+    from_choices_of_weights: FloatArray
     draws: PosteriorDraws
 
     def source(self, model: int) -> str:
         """Where what is known of an outcome model comes from."""
         return named_source(counts=self.from_transitions[model], choices=self.from_choices[model])
+
+    def source_of_outcome(self, model: int, outcome: int) -> str:
+        """The same of one probability, which the data of its model may leave as it was."""
+        informed = self.from_data[model, outcome] >= LEAST_NATS
+        return self.source(model) if informed else PRIOR_ONLY
+
+    def source_of_weight(self, feature: int) -> str:
+        """Where what is known of a reward weight comes from."""
+        return named_source(choices=self.from_choices_of_weights[feature])
 
 
 def named_source(**nats: float) -> str:
@@ -117,8 +130,8 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         shared.append(_mutual_information(joint, own, rewards))
         each = [_mutual_information(joint, own, rewards[[f]]) for f in range(n_features)]
         partner.append(int(np.argmax(each)))
-    draws = laplace_draws(found, np.random.default_rng(0), N_DRAWS)
-    limits = interval(models.local_probabilities(draws.truth), mass)
+    draws = interval_draws(found, np.random.default_rng(0), mass)
+    limits = draws.interval(models.local_probabilities(draws.truth), mass)
     worth = pseudo_counts.sum(axis=1) + n_decisions
     counts = worth[:, None] * models.local_probabilities(counted)
     return OutcomeInformation(
@@ -131,14 +144,39 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         median=limits[1],
         upper=limits[2],
         mass=mass,
+        weights=draws.interval(draws.reward, mass),
+        from_data=_from_data(models, draws),
+        from_choices_of_weights=_of_weights(found, draws),
         draws=draws,
     )
 
 
-def interval(draws: FloatArray, mass: float) -> FloatArray:
-    """(3, ...) lower end, median and upper end of the central interval of (n, ...) draws."""
-    require_share("mass", mass, "0.9")
-    return np.asarray(np.quantile(draws, [(1.0 - mass) / 2.0, 0.5, (1.0 + mass) / 2.0], axis=0))
+def _from_data(models: OutcomeModels, draws: PosteriorDraws) -> FloatArray:
+    """(M, K) KLD of each probability from that of Dirichlet draws of its pseudo-counts."""
+    assert draws.pseudo_counts is not None
+    gamma = np.random.default_rng(1).standard_gamma(draws.pseudo_counts)
+    before = gamma / floored(gamma.sum(axis=2, keepdims=True))
+    return normal_nats(
+        models.local_probabilities(draws.truth), before.mean(axis=0), before.var(axis=0)
+    )
+
+
+def normal_nats(draws: FloatArray, mean: FloatArray, variance: FloatArray) -> FloatArray:
+    """(...) KLD of the normal distributions of (n, ...) draws from those of a mean and variance."""
+    ratio = floored(draws.var(axis=0, ddof=1)) / floored(variance)
+    away = (draws.mean(axis=0) - mean) ** 2 / floored(variance)
+    return np.asarray(np.maximum(0.5 * (ratio - 1.0 + away - np.log(ratio)), 0.0))
+
+
+def _of_weights(found: Laplace, draws: PosteriorDraws) -> FloatArray:
+    """(F,) KLD of the posterior of each weight from its prior, both taken as normal."""
+    at = found.coordinates.parameters(found.mode)
+    bend = found.posterior.prior.hessian(found.problem.mdp.transitions, at)
+    own = at.place(Block.REWARD)
+    variance = -1.0 / np.diag(bend)[own]
+    if "deviation" in found.open_strengths:
+        variance = Scales(feature_ranges(found.problem)).deviations() ** 2
+    return normal_nats(draws.reward, np.zeros(len(variance)), variance)
 
 
 def learned_outcomes(found: Laplace) -> tuple[OutcomeModels, tuple[Block, ...]]:

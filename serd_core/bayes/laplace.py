@@ -18,16 +18,18 @@ The policy averaged over draws predicts the expert's next decision better than t
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from scipy.special import gammaincinv, gammaln, ndtr
+from scipy.special import gammaln
 
-from serd_core.arrays import FloatArray, IntArray
-from serd_core.bayes.sweeps import needs_sweeps, swept
-from serd_core.checks import require_count, require_generator, require_kind
+from serd_core.arrays import FloatArray
+from serd_core.bayes.mixing import effective_sizes
+from serd_core.bayes.surrogate import surrogate
+from serd_core.bayes.sweeps import Chains, can_sweep
+from serd_core.checks import require_count, require_generator, require_kind, require_share
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
 from serd_core.dynamics.outcome_models import OutcomeModels
@@ -47,8 +49,10 @@ from serd_core.semi_markov.models import has_laws
 LONGEST_STEP = 0.1
 #: Most independent draws that are swept; each costs some solutions of Bellman's equation.
 N_CHAINS = 64
-#: Least number whose logarithm an energy may be.
-LEAST = 1e-300
+#: States of each chain from which intervals are taken, at first and at most.
+FIRST_STATES, MOST_STATES = 16, 64
+#: Draws that each end of an interval is worth.
+EFFECTIVE = 100.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +60,8 @@ class Laplace:
     """A normal approximation of the posterior, over (d,) coordinates.
 
     posterior: what it approximates; mode: (d,) its maximum; root: (d, d), covariance =
-    root @ root.T; log_evidence: log P(D).
+    root @ root.T; log_evidence: log P(D). open_strengths: names of strengths of the prior that are
+    not given, so that draws are of their posterior too (`serd_core.bayes.hyperpriors`).
     """
 
     posterior: Posterior
@@ -64,6 +69,7 @@ class Laplace:
     mode: FloatArray
     root: FloatArray
     log_evidence: float
+    open_strengths: tuple[str, ...] = ()
 
     @property
     def problem(self) -> Problem:
@@ -73,45 +79,26 @@ class Laplace:
     def sample(self, n: int, rng: np.random.Generator) -> FloatArray:
         """(n, d) draws of the posterior.
 
-        Where outcomes share a successor, draws of the approximation are swept to the posterior
+        Where dynamics are learned, draws of the approximation are swept to the posterior
         (`serd_core.bayes.sweeps`): up to `N_CHAINS` draws are independent, further ones are later
-        states of the same chains. Elsewhere they are draws of the approximation.
+        states of the same chains. Where rewards alone are, draws are normal, in pairs that mirror
+        each other.
         """
-        if not needs_sweeps(self.posterior, self.coordinates):
-            return self._approximate(n, rng)
+        if not can_sweep(self.posterior, self.coordinates):
+            return self._normal(n, rng)
         n_chains = min(n, N_CHAINS)
-        # The second half would mirror the first.
-        start = self._approximate(2 * n_chains, rng)[:n_chains]
-        return swept(self.posterior, self.coordinates, self.mode, self.root, start, n, rng)
+        return self.chains(n_chains, rng).states(-(-n // n_chains))[0][:n]
 
-    def _approximate(self, n: int, rng: np.random.Generator) -> FloatArray:
-        """(n, d) draws of the approximation, whose outcome models have Dirichlet distributions.
+    def chains(self, n: int, rng: np.random.Generator) -> Chains:
+        """Start n chains in the posterior, at draws of the approximation."""
+        start = self._normal(2 * n, rng)[:n]  # the second half would mirror the first
+        scales, counts = (name in self.open_strengths for name in ("deviation", "pseudo_count"))
+        near = surrogate(self.posterior, self.coordinates, self.mode, n, learned_scales=scales)
+        return Chains(near, self.root, start, rng, learned_counts=counts)
 
-        Normal energies would make unseen outcomes likelier on average than at the mode. So normal
-        draws of outcome models are mapped to those of Dirichlet(r), r = N P*. With e_k their
-        deviations from the mode and z a standard normal number,
-
-            y_k = e_k - sum_j P*_j e_j + z / sqrt(N)
-            P_k = g_k / sum_j g_j,   g_k = Q_k(Phi(sqrt(r_k) y_k)),   Q_k quantiles of Gamma(r_k)
-
-        Where nothing but counts informs, the y_k are independent with variances 1 / r_k, and P is a
-        draw of the posterior itself. Weights stay normal, and depend on outcomes as before. Draws
-        are in pairs that mirror each other, so that the mean of the weights is their mode.
-        """
+    def _normal(self, n: int, rng: np.random.Generator) -> FloatArray:
         half = rng.standard_normal(((n + 1) // 2, len(self.mode)))
-        table, drawn = self.coordinates.table, self.mode + _mirrored(n, half) @ self.root.T
-        free = drawn @ table.T
-        for block in _dirichlet_blocks(self.posterior, self.coordinates, self.mode, self.root):
-            worth, shape = block.worth, block.table.shape
-            moved = (drawn - self.mode) @ table[block.place].T
-            energies = block.beta * moved.reshape(n, *shape)
-            total = _mirrored(n, rng.standard_normal(((n + 1) // 2, shape[0], 1)))
-            apart = energies - np.einsum("mk,nmk->nm", block.table, energies)[..., None]
-            counts = worth[:, None] * block.table
-            normal = np.sqrt(counts) * (apart + total / np.sqrt(worth)[:, None])
-            gamma = gammaincinv(counts, ndtr(normal))
-            free[:, block.place] = np.log(np.maximum(gamma, LEAST)).reshape(n, -1) / block.beta
-        return self.coordinates.of_free(free)
+        return np.asarray(self.mode + np.concatenate([half, -half])[:n] @ self.root.T)
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -152,7 +139,8 @@ def laplace(problem: Problem, decisions: Decisions, fit: FitResult) -> Laplace:
         print(found.log_evidence, sc.laplace_draws(found, rng, 400))
     """
     objective = log_posterior_of(problem, decisions, fit)
-    return laplace_at(objective, objective.coordinates.of(fit.parameters))
+    found = laplace_at(objective, objective.coordinates.of(fit.parameters))
+    return replace(found, open_strengths=fit.assumed.open_strengths)
 
 
 def require_laplace(found: object) -> None:
@@ -180,10 +168,6 @@ def stirling(posterior: Posterior, space: Coordinates, mode: FloatArray, root: F
         by_outcome = _stirling(block.worth[:, None] * block.table)
         total += float(np.sum(by_outcome.sum(axis=1) - _stirling(block.worth)))
     return total
-
-
-def _mirrored(n: int, half: FloatArray) -> FloatArray:
-    return np.concatenate([half, -half])[:n]
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +274,8 @@ class PosteriorDraws:
 
     coordinates: (n, d); reward: (n, F) weights; truth: (n, N) parameters of the dynamics;
     outcome_probabilities, believed_outcome_probabilities: (n, M, K), which are discounted where
-    moves take time (`SemiMarkovModels`).
+    moves take time (`SemiMarkovModels`). n_chains: of which draws are the states, those of a sweep
+    in a row. pseudo_counts: (n, M, K) of the prior of true outcomes, as `interval_draws` has them.
     """
 
     coordinates: FloatArray
@@ -298,36 +283,83 @@ class PosteriorDraws:
     truth: FloatArray
     outcome_probabilities: FloatArray
     believed_outcome_probabilities: FloatArray
+    n_chains: int
+    pseudo_counts: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.reward)
 
-    def select(self, rows: IntArray | slice) -> "PosteriorDraws":
-        """The draws of the given rows."""
-        return PosteriorDraws(*(getattr(self, each.name)[rows] for each in fields(self)))
+    def interval(self, values: FloatArray, mass: float = 0.9) -> FloatArray:
+        """(3, ...) lower end, median and upper end of the central interval of (n, ...) values.
+
+        NaN where the chains did not mix, so that the draws determine no interval.
+        """
+        require_share("mass", mass, "0.9")
+        shares = np.array([(1.0 - mass) / 2.0, 0.5, (1.0 + mass) / 2.0])
+        worth = effective_sizes(values, self.n_chains, shares)
+        return np.where(worth >= EFFECTIVE, np.quantile(values, shares, axis=0), np.nan)
 
 
-def draws_at(problem: Problem, space: Coordinates, coordinates: FloatArray) -> PosteriorDraws:
-    """The draws at (n, d) coordinates."""
+def draws_at(
+    problem: Problem, space: Coordinates, coordinates: FloatArray, n_chains: int | None = None
+) -> PosteriorDraws:
+    """The draws at (n, d) coordinates, independent ones unless a number of chains is given."""
     at, model = [space.parameters(u) for u in coordinates], problem.mdp.transitions
     truth, belief = (
         np.stack([each.block(block) for each in at]) for block in (Block.TRUTH, Block.BELIEF)
     )
-    tables = (model.local_probabilities(each) for each in (truth, belief))
-    return PosteriorDraws(coordinates, np.stack([each.reward for each in at]), truth, *tables)
+    return PosteriorDraws(
+        coordinates=coordinates,
+        reward=np.stack([each.reward for each in at]),
+        truth=truth,
+        outcome_probabilities=model.local_probabilities(truth),
+        believed_outcome_probabilities=model.local_probabilities(belief),
+        n_chains=n_chains or len(coordinates),
+    )
 
 
 def laplace_draws(found: Laplace, rng: np.random.Generator, n: int = N_DRAWS) -> PosteriorDraws:
-    """Draw n times from the posterior that `laplace` approximates.
+    """Draw n times from the posterior around the maximum that `laplace` found.
 
-    Returns reward (n, F), outcome_probabilities (n, M, K) and others. Where outcomes share a
-    successor, up to 64 draws are independent; further ones are later states of the same chains.
+    Returns reward (n, F), outcome_probabilities (n, M, K) and others. Up to 64 draws are
+    independent; where dynamics are learned, further ones are later states of the same chains.
 
         draws = sc.laplace_draws(sc.laplace(problem, decisions, fit), rng, 100)
     """
     require_count("n", n, 2, f"{N_DRAWS}")
     require_generator(rng)
-    return draws_at(found.problem, found.coordinates, found.sample(n, rng))
+    swept = can_sweep(found.posterior, found.coordinates)
+    n_chains = min(n, N_CHAINS) if swept else n
+    n_whole = -(-n // n_chains) * n_chains
+    points = found.sample(n_whole, rng)[:n]
+    return draws_at(found.problem, found.coordinates, points, n_chains)
+
+
+def interval_draws(found: Laplace, rng: np.random.Generator, mass: float = 0.9) -> PosteriorDraws:
+    """Draw from the posterior until intervals that hold `mass` have mixed, or for so long.
+
+    Weights that few choices bound take more sweeps than averages do. `PosteriorDraws.interval` is
+    NaN for what has not mixed within `MOST_STATES` states of each chain.
+
+        draws = sc.interval_draws(sc.laplace(problem, decisions, fit), rng)
+        print(draws.interval(draws.reward))
+    """
+    require_share("mass", mass, "0.9")
+    require_generator(rng)
+    if not can_sweep(found.posterior, found.coordinates):
+        return laplace_draws(found, rng, N_CHAINS * FIRST_STATES)
+    chains, table = found.chains(N_CHAINS, rng), found.coordinates.table
+    shares = np.array([(1.0 - mass) / 2.0, 0.5, (1.0 + mass) / 2.0])
+    points, counts = chains.states(FIRST_STATES)
+    while len(points) < N_CHAINS * MOST_STATES:
+        if np.all(effective_sizes(points @ table.T, N_CHAINS, shares) >= EFFECTIVE):
+            break
+        later = chains.states(len(points) // N_CHAINS)
+        points, counts = (
+            np.concatenate(both) for both in zip((points, counts), later, strict=True)
+        )
+    draws = draws_at(found.problem, found.coordinates, points, N_CHAINS)
+    return replace(draws, pseudo_counts=counts)
 
 
 def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:

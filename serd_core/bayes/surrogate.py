@@ -15,16 +15,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.bayes.hyperpriors import Scales
 from serd_core.bellman.bellman_solver import BellmanProblem, Newton
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import Transitions
 from serd_core.mdp.mdp import Mdp
-from serd_core.posterior.coordinates import Coordinates
+from serd_core.posterior.coordinates import Coordinates, feature_ranges
 from serd_core.posterior.hessian import sensitivities
 from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior
 from serd_core.priors.divergence import DirichletPrior, pseudo_counts_of, require_outcome_models
-from serd_core.priors.prior import SumOfPriors, terms_of
+from serd_core.priors.prior import GaussianPrior, SumOfPriors, terms_of
 
 #: Values to 1e-8 take a third fewer steps, and change no probability of acceptance by more.
 SOLVER = Newton(accuracy=1e-8)
@@ -74,7 +75,8 @@ class Surrogate:
     (m,) and (m, m) of log N there; value: (S,) V*. copies: of the MDP, which are solved together.
     pairs: (p,) observed s A + a; state: (p,) places of their states among the (v,) observed ones.
     q: (v, A) Q*; slopes: (v, A, l) its derivatives by l numbers, reward weights and believed
-    probabilities; centre: (l,) these at the mode.
+    probabilities; centre: (l,) these at the mode. scales: the prior of the weights where that is
+    no part of `posterior`.
     """
 
     posterior: Posterior
@@ -90,6 +92,7 @@ class Surrogate:
     q: FloatArray
     slopes: FloatArray
     centre: FloatArray
+    scales: Scales | None
 
     @property
     def model(self) -> OutcomeModels:
@@ -129,7 +132,14 @@ class Surrogate:
     def log_others(self, points: FloatArray) -> FloatArray:
         """(n,) log N by its second derivatives, less its value at the mode."""
         away = points - self.mode
-        return np.asarray(away @ self.gradient + 0.5 * np.sum((away @ self.hessian) * away, axis=1))
+        found = away @ self.gradient + 0.5 * np.sum((away @ self.hessian) * away, axis=1)
+        return np.asarray(found + self._log_weights(points))
+
+    def _log_weights(self, points: FloatArray) -> FloatArray | float:
+        """(n,) log density of the weights where their scales are learned."""
+        if self.scales is None:
+            return 0.0
+        return self.scales.log_density(points[:, : len(self.space.like.reward)])
 
     def exact(self, points: FloatArray, values: FloatArray) -> ExactPart:
         """L and N at every point; values: (n, S) where solving Bellman's equation starts."""
@@ -147,7 +157,7 @@ class Surrogate:
         log_others = np.array([prior.evaluate(model, each).value for each in at])
         if dwells is not None:
             log_others += dwells.by_decision(np.stack([each.truth for each in at])).sum(axis=1)
-        return ExactPart(log_policy, solved, log_others)
+        return ExactPart(log_policy, solved, log_others + self._log_weights(points))
 
     def _solved(self, points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(c, p) log policy of the observed pairs and (c, S) values of as many points as copies."""
@@ -178,11 +188,22 @@ def copies_of(mdp: Mdp, n: int) -> Mdp:
     return Mdp(OutcomeModels(successors, model_of, available, n_models, model.beta), mdp.discount)
 
 
-def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int) -> Surrogate:
-    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode."""
+def surrogate(
+    posterior: Posterior,
+    space: Coordinates,
+    mode: FloatArray,
+    n: int,
+    *,
+    learned_scales: bool = False,
+) -> Surrogate:
+    """Both densities of a posterior of outcome models, around (d,) coordinates of its mode.
+
+    learned_scales: whether each weight has a scale of its own, whatever the prior's.
+    """
     mdp, at, belief = posterior.problem.mdp, space.parameters(mode), space.belief
     priors = posterior.prior
-    others = [each for each in terms_of(priors) if not isinstance(each, DirichletPrior)]
+    replaced = (DirichletPrior, GaussianPrior) if learned_scales else (DirichletPrior,)
+    others = [each for each in terms_of(priors) if not isinstance(each, replaced)]
     without = replace(posterior, prior=SumOfPriors(tuple(others)), solver=SOLVER)
     believed, _, solution, _ = without.solved(at)
     by_local = np.eye(believed.local_probabilities.size)
@@ -197,6 +218,7 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         gradient += at.zeros().with_block(Block.TRUTH, seen.dwells.evaluate(at.truth)[1])
         hessian += at.placed(Block.TRUTH, seen.dwells.hessian(at.truth))
     models = require_outcome_models(mdp.transitions, "this density")
+    n_parts = -(-n // max(1, STACKED // mdp.n_states))
     groups = []
     for blocks, place in belief.places(at):
         if Block.REWARD not in blocks:
@@ -211,10 +233,11 @@ def surrogate(posterior: Posterior, space: Coordinates, mode: FloatArray, n: int
         gradient=belief.pull_back(gradient, at),
         hessian=jacobian.T @ hessian @ jacobian,
         value=solution.value,
-        copies=copies_of(mdp, min(n, max(1, STACKED // mdp.n_states))),
+        copies=copies_of(mdp, -(-n // n_parts)),
         pairs=pairs,
         state=state,
         q=solution.q[states],
         slopes=derivatives.by_q_of(states),
         centre=np.concatenate([at.reward, believed.local_probabilities.ravel()]),
+        scales=Scales(feature_ranges(posterior.problem)) if learned_scales else None,
     )

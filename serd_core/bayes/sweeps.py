@@ -29,7 +29,8 @@ from functools import partial
 import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate, surrogate
+from serd_core.bayes.hyperpriors import BaseMeasures, log_dirichlet_density
+from serd_core.bayes.surrogate import ExactPart, OutcomeGroup, Surrogate
 from serd_core.dynamics.estimation import OutcomeSets, outcome_sets
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import transitions_of
@@ -39,9 +40,11 @@ from serd_core.posterior.parameters import Block
 from serd_core.posterior.posterior import Posterior, drawn_actions
 
 #: Sweeps before the first draws.
-N_SWEEPS = 6
+N_SWEEPS = 5
 #: Probability that weights move with the outcomes of a model.
 SHIFTED = 0.7
+#: Steps of the weights in a sweep, and as many of weights and laws together; they cost little.
+N_WALKS = 3
 #: Length of normal steps in conditional standard deviations, times the root of their number.
 STRIDE = 2.38
 #: Least logarithm of a probability.
@@ -52,40 +55,10 @@ ZERO = 1e-10
 ENOUGH = 50
 
 
-def needs_sweeps(posterior: Posterior, space: Coordinates) -> bool:
-    """Whether sums of outcome probabilities are observed, of which Laplace's draws are too wide."""
-    model = posterior.problem.mdp.transitions.moves
-    if not isinstance(model, OutcomeModels):
-        return False
-    if not space.belief.learns_dynamics:
-        return False
-    if model.n_others:
-        return True
-    following = np.sort(model.successors, axis=2)
-    changes = np.count_nonzero(np.diff(following, axis=2), axis=2)
-    shared = (changes > 0) & (changes < model.n_outcomes - 1) & model.available
-    return bool(posterior.observations.hidden) or bool(shared.any())
-
-
-def swept(
-    posterior: Posterior,
-    space: Coordinates,
-    mode: FloatArray,
-    root: FloatArray,
-    start: FloatArray,
-    n: int,
-    rng: np.random.Generator,
-) -> FloatArray:
-    """(n, d) draws of the posterior from (c, d) draws of Laplace's approximation."""
-    chains = _Chains(surrogate(posterior, space, mode, len(start)), root, start, rng)
-    found: list[FloatArray] = []
-    n_kept = -(-n // len(start))
-    for number in range(1 - N_SWEEPS, n_kept):
-        chains.sweep()
-        if number >= 0:
-            found.append(space.of_free(chains.points))
-    chains.require_accepted()
-    return np.concatenate(found)[:n]
+def can_sweep(posterior: Posterior, space: Coordinates) -> bool:
+    """Whether outcome models are learned, whose posterior sweeps keep."""
+    moves = posterior.problem.mdp.transitions.moves
+    return isinstance(moves, OutcomeModels) and space.belief.learns_dynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +77,13 @@ class _Walk:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """One outcome model of a group, and what transitions inform about it.
+    """One outcome model of a group, the number of that, and what transitions inform about it.
 
     sets: (g,) places of the sets E; explaining: (g, K) masks; slope: (r, K) A; walk: of log odds.
     """
 
     group: OutcomeGroup
+    of_group: int
     number: int
     sets: IntArray
     explaining: FloatArray
@@ -117,16 +91,16 @@ class _Model:
     walk: _Walk
 
     @property
-    def pseudo_counts(self) -> FloatArray:
-        """(K,) c of the outcomes, 0 where their prior is no Dirichlet density."""
-        return np.asarray(self.group.pseudo_counts[self.number])
+    def has_counts(self) -> bool:
+        """Whether the prior of the model is a Dirichlet density."""
+        return bool(self.group.pseudo_counts[self.number].any())
 
     def of_sets(self, log_outcomes: FloatArray) -> FloatArray:
         """(n, g, K) log P of (n, K) where an outcome is in a set, elsewhere -inf."""
         return np.where(self.explaining > 0, log_outcomes[:, None], -np.inf)
 
 
-class _Chains:
+class Chains:
     """n chains at (n, m) points, which take the same steps in the same order.
 
     counts: (n, p) of the observed pairs, set_counts: (n, G) of the sets of outcomes, which differ
@@ -134,7 +108,13 @@ class _Chains:
     """
 
     def __init__(
-        self, near: Surrogate, root: FloatArray, start: FloatArray, rng: np.random.Generator
+        self,
+        near: Surrogate,
+        root: FloatArray,
+        start: FloatArray,
+        rng: np.random.Generator,
+        *,
+        learned_counts: bool = False,
     ) -> None:
         seen, n = near.posterior.observations, len(start)
         sets = outcome_sets(near.model, seen)
@@ -147,27 +127,61 @@ class _Chains:
         for group in near.groups:
             self.shifted[group.place.start : group.laws.start] = not group.pseudo_counts.any()
         self.models = _models(near, root, precision, sets, self.shifted)
+        self.pseudo_counts = [
+            np.tile(group.pseudo_counts, (n, 1, 1)) if group.pseudo_counts.any() else np.zeros(1)
+            for group in near.groups
+        ]
+        self.bases = {
+            of_group: BaseMeasures.of(near.model, float(group.pseudo_counts[0, 0]), n)
+            for of_group, group in enumerate(near.groups)
+            if learned_counts and group.pseudo_counts.any() and not np.ptp(group.pseudo_counts)
+        }
         laws = [np.arange(group.laws.start, group.laws.stop) for group in near.groups]
         self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
-        others = np.concatenate([np.arange(len(near.space.like.reward)), *laws])
-        self.weights = _walk(near.space, precision, others)
+        weights = np.arange(len(near.space.like.reward))
+        self.walks = [_walk(near.space, precision, weights)] * N_WALKS
+        if self.laws:
+            both = np.concatenate([weights, *laws])
+            self.walks += [_walk(near.space, precision, both)] * N_WALKS
         self.exact = near.exact(self.points, np.tile(near.value, (n, 1)))
         self.log_near = self._log_near(self.points)
         self.n_proposed = self.n_accepted = 0
+        self.direct = False
+        for _ in range(N_SWEEPS - 1):
+            self.sweep()
+
+    def states(self, n: int) -> tuple[FloatArray, FloatArray]:
+        """(n c, d) coordinates of the c chains after each of the next n sweeps.
+
+        And (n c, M, K) pseudo-counts of the prior of the true outcomes.
+        """
+        truth = self.near.groups.index(self.near.group_of(Block.TRUTH))
+        found, counts = list[FloatArray](), list[FloatArray]()
+        for _ in range(n):
+            self.sweep()
+            found.append(self.near.space.of_free(self.points))
+            counts.append(np.broadcast_to(self.pseudo_counts[truth], self._shape))
+        self._require_accepted()
+        return np.concatenate(found), np.concatenate(counts)
+
+    @property
+    def _shape(self) -> tuple[int, int, int]:
+        return len(self.points), self.near.model.n_models, self.near.model.n_outcomes
 
     def sweep(self) -> None:
         """Take all steps in random order, and all of them back where the sweep is not accepted."""
         if self.near.posterior.observations.hidden:
             self._draw_actions()
-        steps: list[Callable[[], None]] = [
-            lambda: self._step(self.weights.step(self.points, self.rng))
-        ]
+        steps: list[Callable[[], None]] = [partial(self._walk, each) for each in self.walks]
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
-            if model.pseudo_counts.any():
+            if model.has_counts:
                 steps.append(partial(self._redraw_outcomes, model))
         steps += [partial(self._redraw_law, row) for row in self.laws]
-        points, log_near = self.points, self.log_near
+        for of_group in self.bases:
+            steps += [partial(self._walk_base, of_group)] * N_WALKS
+            steps.append(partial(self._redraw_unseen, of_group))
+        points, log_near, bases = self.points, self.log_near, self.bases.copy()
         for number in self.rng.permutation(len(steps)):
             steps[number]()
         there = self.near.exact(self.points, self.exact.values)
@@ -175,11 +189,16 @@ class _Chains:
         taken = self._taken(gained - (self.log_near - log_near))
         self.points = np.where(taken[:, None], self.points, points)
         self.log_near = np.where(taken, self.log_near, log_near)
+        for of_group, base in bases.items():
+            self._take_base(of_group, ~taken, base)
         self.exact = self.exact.replaced(taken, there)
         self.n_proposed += len(taken)
         self.n_accepted += int(taken.sum())
+        self.direct = True
+        steps[self.rng.integers(len(steps))]()
+        self.direct = False
 
-    def require_accepted(self) -> None:
+    def _require_accepted(self) -> None:
         """SerdError where many sweeps were proposed and none accepted."""
         if self.n_proposed >= ENOUGH and not self.n_accepted:
             raise SerdError(
@@ -199,12 +218,24 @@ class _Chains:
         """(n,) whether steps of these log ratios are taken."""
         return np.asarray(np.log(self.rng.random(len(log_ratio))) < log_ratio)
 
-    def _step(self, moved: FloatArray, log_ratio: FloatArray | float = 0.0) -> None:
-        """Go to the moved points where N L^, and the rest of the ratio, allow it."""
+    def _step(self, moved: FloatArray, log_ratio: FloatArray | float = 0.0) -> BoolArray:
+        """Go to the moved points where N L^, or directly N L, and the rest of the ratio, allow."""
         log_near = self._log_near(moved)
+        if self.direct:
+            there = self.near.exact(moved, self.exact.values)
+            gained = self._log_exact(there) - self._log_exact(self.exact)
+            taken = self._taken(gained + log_ratio)
+            self.points = np.where(taken[:, None], moved, self.points)
+            self.log_near = np.where(taken, log_near, self.log_near)
+            self.exact = self.exact.replaced(taken, there)
+            return taken
         taken = self._taken(log_near - self.log_near + log_ratio)
         self.points = np.where(taken[:, None], moved, self.points)
         self.log_near = np.where(taken, log_near, self.log_near)
+        return taken
+
+    def _walk(self, walk: _Walk) -> None:
+        self._step(walk.step(self.points, self.rng))
 
     def _redraw_outcomes(self, model: _Model) -> None:
         logs = self.near.log_outcomes(self.points, model.group)[:, model.number]
@@ -212,12 +243,48 @@ class _Chains:
         shares = np.exp(of_sets - np.logaddexp.reduce(of_sets, axis=2, keepdims=True))
         counts = self.set_counts[:, model.sets].astype(np.int64)
         completed = self.rng.multinomial(counts, shares).sum(axis=1)
-        drawn = self._log_dirichlet(model.pseudo_counts + completed)
+        drawn = self._log_dirichlet(self._counts_of(model) + completed)
         moved = self.points.copy()
+        self._put_outcomes(moved, model, drawn)
+        self._step(moved)
+
+    def _walk_base(self, of_group: int) -> None:
+        """Move the pseudo-counts of a group under its outcomes, whatever the choices."""
+        there = self.bases[of_group].moved(self.rng)
+        every = np.ones(self.near.model.n_models, dtype=np.bool_)
+        self._take_base(of_group, self._taken(self._log_base_ratio(of_group, there, every)), there)
+
+    def _redraw_unseen(self, of_group: int) -> None:
+        """Move the pseudo-counts of a group with the models of which no move was observed."""
+        there = self.bases[of_group].moved(self.rng)
+        moved, seen = self.points.copy(), np.ones(self.near.model.n_models, dtype=np.bool_)
+        for model in self.models:
+            if model.of_group == of_group and not len(model.sets):
+                seen[model.number] = False
+                drawn = self._log_dirichlet(there.pseudo_counts[:, model.number])
+                self._put_outcomes(moved, model, drawn)
+        if not seen.all():
+            taken = self._step(moved, self._log_base_ratio(of_group, there, seen))
+            self._take_base(of_group, taken, there)
+
+    def _log_base_ratio(self, of_group: int, there: BaseMeasures, models: BoolArray) -> FloatArray:
+        """(n,) log density of others with the outcomes of some models, less that of the present."""
+        logs = self.near.log_outcomes(self.points, self.near.groups[of_group])[:, models]
+        after, before = there.pseudo_counts[:, models], self.pseudo_counts[of_group][:, models]
+        found = there.log_density() - self.bases[of_group].log_density()
+        found += log_dirichlet_density(logs, after) - log_dirichlet_density(logs, before)
+        return np.asarray(found)
+
+    def _take_base(self, of_group: int, rows: BoolArray, base: BaseMeasures) -> None:
+        self.bases[of_group] = self.bases[of_group].replaced(rows, base)
+        self.pseudo_counts[of_group] = self.bases[of_group].pseudo_counts
+
+    def _put_outcomes(self, moved: FloatArray, model: _Model, drawn: FloatArray) -> None:
+        """Put (n, K) log probabilities into points (n, m), with probability 0.7 weights too."""
+        logs = self.near.log_outcomes(moved, model.group)[:, model.number]
         moved[:, model.walk.rows] = drawn / self.near.model.beta
         shift = (np.exp(drawn) - np.exp(logs)) @ model.slope.T
         moved[:, self.shifted] += np.where(self.rng.random((len(moved), 1)) < SHIFTED, shift, 0.0)
-        self._step(moved)
 
     def _log_dirichlet(self, shapes: FloatArray) -> FloatArray:
         """(n, K) logarithms of draws, which are finite for shapes far below 1, too."""
@@ -241,7 +308,12 @@ class _Chains:
         """(n,) log density of the transitions and the Dirichlet prior of one model."""
         logs = self.near.log_outcomes(points, model.group)[:, model.number]
         observed = self.set_counts[:, model.sets] * np.logaddexp.reduce(model.of_sets(logs), axis=2)
-        return np.asarray(observed.sum(axis=1) + logs @ model.pseudo_counts)
+        return np.asarray(observed.sum(axis=1) + np.sum(logs * self._counts_of(model), axis=1))
+
+    def _counts_of(self, model: _Model) -> FloatArray:
+        """(n, K) pseudo-counts of a model, 0 where its prior is no Dirichlet density."""
+        counts = self.pseudo_counts[model.of_group]
+        return counts[:, model.number] if model.has_counts else np.zeros((1, 1))
 
     def _draw_actions(self) -> None:
         """Complete the counts of each chain by a draw of the hidden actions."""
@@ -267,14 +339,14 @@ def _models(
     spread, found = near.space.table @ root, list[_Model]()
     if near.model.n_outcomes == 1:
         return ()
-    for group in near.groups:
+    for of_group, group in enumerate(near.groups):
         for number, log_p in enumerate(near.log_outcomes(near.mode[None], group)[0]):
             rows = near.rows_of(group, number)
             informed = Block.TRUTH in group.blocks
             mine = np.flatnonzero((sets.model == number) & informed)
             slope = _slope(spread[shifted], near.model.beta * spread[rows], np.exp(log_p))
             walk = _walk(near.space, precision, rows)
-            found.append(_Model(group, number, mine, sets.explaining[mine], slope, walk))
+            found.append(_Model(group, of_group, number, mine, sets.explaining[mine], slope, walk))
     return tuple(found)
 
 

@@ -12,8 +12,9 @@ for waiting in it, -1 for a move against it, 0 for the other moves. In a cell wi
 nothing to keep to, so it is 0 for every action, and a place without any flow has no such feature.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
@@ -28,8 +29,8 @@ from serd_core.mdp.problem import unique_names
 from serd_core.semi_markov.models import NO_LAW, semi_markov_problem
 
 MODEL_NAMES = ("with_flow", "against_flow", "across_flow", "waiting")
-GOAL, SOCIAL_NORM = "goal", "social_norm"
-FEATURE_NAMES = (GOAL, SOCIAL_NORM, "inverse_wall_distance")
+GOAL, SOCIAL_NORM, WALL_DISTANCE = "goal", "social_norm", "inverse_wall_distance"
+FEATURE_NAMES = (GOAL, SOCIAL_NORM, WALL_DISTANCE)
 
 WITH_FLOW, AGAINST_FLOW, ACROSS_FLOW, WAITING = range(4)
 NO_FLOW = -1
@@ -88,17 +89,19 @@ def build_navigation_problem(
     wall_distance_m: FloatArray,
     discount: float,
     features: Sequence[str] | None = None,
+    own_features: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> NavigationProblem:
     """Assemble the problem of section 5.1 on a grid.
 
     flow: (S,); wall_distance_m: (S,) distance of each cell's centre to the nearest wall;
-    features: names out of `FEATURE_NAMES`, in the wanted order, by default all that the place has.
+    features: names out of `FEATURE_NAMES` and own ones, in the wanted order, by default all that
+    the place has. own_features: (S,) of each further feature by its name.
     """
     flow = int_array("flow", flow, (grid.n_states,))
     allowed = (flow == NO_FLOW) | ((flow >= Action.NORTH) & (flow <= Action.WEST))
     rule = "be 1 to 4 (north, east, south, west) or -1 for none"
     require_each("flow", flow, allowed, rule, "number directions as in Action")
-    features = features_of_flow(flow) if features is None else features
+    features = (*features_of_flow(flow), *own_features) if features is None else features
     goals = int_array("goal_states", np.unique(number_array("goal_states", goal_states)), (None,))
     if not goals.size:
         raise SerdError("goal_states must name at least one state, got none")
@@ -106,6 +109,9 @@ def build_navigation_problem(
     distance_m = float_array("wall_distance_m", wall_distance_m, (grid.n_states,))
     outcome_models = _outcome_models(grid, flow, goals)
     table = _feature_table(flow, goals, distance_m)
+    for name, values in own_features.items():
+        column = float_array(f"own_features[{name!r}]", values, (grid.n_states,))
+        table[name] = np.repeat(column[:, None], len(Action), axis=1)
     return NavigationProblem(
         grid=grid,
         flow=flow,

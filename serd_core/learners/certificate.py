@@ -79,13 +79,21 @@ def judged_weights(
     scale: FloatArray,
     names: Sequence[str],
     fix: str,
+    n_observations: float = 1.0,
 ) -> tuple[AscentResult, tuple[str, ...]]:
-    """The end of an ascent over weights, and directions that nothing determines, in words."""
+    """The end of an ascent over weights, and directions that nothing determines, in words.
+
+    n_observations: of which the objective is a mean, so that the length of the Newton step counts
+    standard errors.
+    """
     near = ended.converged or ended.by_rounding or ended.gradient_norm <= VANISHING
     if ended.message == STOPPED or not near:
         return ended, ()
-    describe = partial(described, names=names)
-    found = open_directions(objective, ended.vector / scale)
+    describe, at = partial(described, names=names), ended.vector / scale
+    step = Curvature(*np.linalg.eigh(-objective.hessian(at))).newton(objective.evaluate(at)[1])
+    decrement = float(np.sqrt(n_observations)) * step.standard_errors
+    ended = replace(ended, newton_decrement=decrement)
+    found = open_directions(objective, at)
     return found.judge(ended, describe, fix), tuple(map(describe, found.flat))
 
 
@@ -179,12 +187,14 @@ def certificate(
     curvature = Curvature(*np.linalg.eigh(-objective.hessian(found.vector)))
     step = curvature.newton(objective.evaluate(found.vector)[1])
     step = replace(step, flat=_with_effect(posterior, space, step.flat))
+    counted = replace(counted, newton_decrement=step.standard_errors)
     if found.converged or step.at_maximum():
         if not counted.converged:
             counted = replace(counted, converged=True, message=AT_MAXIMUM)
         move = found.vector - start
-        if float(np.sqrt(move @ -objective.hessian(found.vector) @ move)) <= CLOSE:
-            return parameters, counted, ()
+        apart = float(np.sqrt(move @ -objective.hessian(found.vector) @ move))
+        if apart <= CLOSE:
+            return parameters, replace(counted, newton_decrement=apart), ()
         mean, number = found.objective / posterior.observations.n_decisions, ascended.n_steps + 1
         if on_step is not None:
             vector = space.table @ found.vector

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import scipy  # loads stats at its first use
 
 from serd_core.arrays import FloatArray
@@ -21,12 +22,14 @@ class Assumptions:
 
     by_likelihood: whether it maximised the likelihood, with the prior; other criteria have maxima
     elsewhere. None where a file of version 0.2.0 does not state it.
+    open_strengths: of a prior by evidence, those that draws of the posterior sample.
     """
 
     policy_model: PolicyModel
     belief: Belief
     prior: Prior
     by_likelihood: bool | None = None
+    open_strengths: tuple[str, ...] = ()
 
     @property
     def whole_prior(self) -> Prior:
@@ -76,6 +79,8 @@ class FitResult:
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
+    newton_decrement: length of the Newton step at the end, in standard errors; NaN at kinks of a
+    likelihood, and where a file has none.
     converged: at a maximum, and the only one around; otherwise the message names the direction that
     is open. undetermined: directions along which the objective is constant.
     residual, error_bound: of the values V at the end, max |T V - V| for the Bellman operator T, and
@@ -104,6 +109,7 @@ class FitResult:
     assumptions: Assumptions | None
     undetermined: tuple[str, ...] = ()
     hidden_log_likelihood: float = 0.0
+    newton_decrement: float = np.nan
 
     def summary(self, errors: StandardErrors | None = None) -> str:
         """A table of the reward weights and how the fit went, for people.
@@ -112,7 +118,7 @@ class FitResult:
         """
         lines = [
             f"converged: {'yes' if self.converged else 'no'} ({self.message})",
-            f"decisions: {self.n_decisions}   steps: {self.n_steps}",
+            f"decisions: {self.n_decisions}   steps: {self.n_steps}{self._distance}",
             f"log-likelihood: {self.policy_log_likelihood:.4f} of actions,"
             f" {self.dynamics_log_likelihood:.4f} of transitions,"
             f" {self.hidden_log_likelihood:.4f} of moves with hidden actions",
@@ -132,6 +138,11 @@ class FitResult:
             header += f"  {title:>{form.partition('.')[0]}}"
             rows = [f"{row}  {value:{form}}" for row, value in zip(rows, values, strict=True)]
         return "\n".join([*lines, header, *rows])
+
+    @property
+    def _distance(self) -> str:
+        step = self.newton_decrement
+        return "" if np.isnan(step) else f"   Newton step: {step:.1g} standard errors"
 
     @property
     def reward_weights(self) -> FloatArray:
@@ -180,6 +191,7 @@ def fit_result(
         assumptions=assumptions,
         undetermined=undetermined,
         hidden_log_likelihood=final.hidden_log_likelihood,
+        newton_decrement=ascended.newton_decrement,
     )
 
 

@@ -59,7 +59,7 @@ def fit_maxent_irl(
             log_z, expected = log_z + part, expected + counts
         return float(weights @ demonstrated) - log_z, demonstrated - expected
 
-    return search.maximise(log_likelihood, ascent, on_step)
+    return search.maximise(log_likelihood, ascent, on_step, n_observations=len(episodes))
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,7 +115,8 @@ def fit_mdce_irl_by_entropy(
         gradient = wanted - expected - slack / average * weights
         return scale * (value - penalty), scale * gradient
 
-    return search.maximise(dual, ascent, on_step, "allow some slack, for example 0.001")
+    fix, n_observations = "allow some slack, for example 0.001", len(decisions.episodes) / scale
+    return search.maximise(dual, ascent, on_step, fix, n_observations)
 
 
 def state_action_occupancy(

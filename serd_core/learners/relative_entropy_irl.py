@@ -95,7 +95,8 @@ def fit_relative_entropy_irl(
     )
     halves = np.clip(np.concatenate([start, -start]), 0.0, largest_weight)
     ended = ascent.maximise(FunctionObjective(dual.evaluate), halves, on_step)
-    return search.result(ended, FunctionObjective(dual.evaluate_weights), THRESHOLDS)
+    of_weights, n_episodes = FunctionObjective(dual.evaluate_weights), len(decisions.episodes)
+    return search.result(ended, of_weights, THRESHOLDS, n_episodes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,8 +76,10 @@ def fit_serd(
     require_possible(observations, problem.mdp, local(start.truth))
     posterior = Posterior(problem, observations, policy_model, UNIFORM)
     undetermined: tuple[str, ...] = ()
+    open_strengths: tuple[str, ...] = ()
     if isinstance(prior, PriorByEvidence):
         staged = initial_weights is None
+        open_strengths = prior.strengths(belief, model).open if prior.sampled else ()
         found = fit_by_evidence(posterior, belief, prior, start, on_step, staged=staged)
         objective, parameters, ascended = found
         prior = objective.posterior.prior
@@ -91,7 +93,9 @@ def fit_serd(
         parameters, ended, undetermined = certificate(posterior, belief, reached, ended, on_step)
         ascended = replace(ended, objective_trace=ended.objective_trace * n_decisions)
     final = objective.at(parameters)
-    assumptions = Assumptions(policy_model, belief, prior, by_likelihood=True)
+    assumptions = Assumptions(
+        policy_model, belief, prior, by_likelihood=True, open_strengths=open_strengths
+    )
     ascended = replace(ascended, objective=final.objective)
     tables = local(parameters.truth), local(parameters.belief), local(start.truth)
     return fit_result(posterior, assumptions, parameters, final, ascended, tables, undetermined)

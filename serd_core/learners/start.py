@@ -158,16 +158,23 @@ class RewardSearch:
         ascent: Ascent,
         on_step: StepCallback | None,
         fix: str = WITH_PRIOR,
+        n_observations: float | None = None,
     ) -> FitResult:
-        """The fit at the maximum of a function of the (F,) weights with its gradient."""
+        """The fit at the maximum of a function of the (F,) weights with its gradient.
+
+        n_observations: of which the function is a mean; None for the decisions.
+        """
         require_kind("ascent", ascent, (Ascent,), "Lbfgs()")
         scaled = Scaled(FunctionObjective(objective), self.scale)
-        return self.result(scaled.maximum(ascent, self.start.reward, on_step), scaled, fix)
+        ended = scaled.maximum(ascent, self.start.reward, on_step)
+        return self.result(ended, scaled, fix, n_observations or self.observations.n_decisions)
 
-    def result(self, ascended: AscentResult, scaled: Objective, fix: str) -> FitResult:
+    def result(
+        self, ascended: AscentResult, scaled: Objective, fix: str, n_observations: float
+    ) -> FitResult:
         """The fit of an ascent over the weights, with the likelihood of its policy."""
         ascended, undetermined = judged_weights(
-            scaled, ascended, self.scale, reward_names(self.problem), fix
+            scaled, ascended, self.scale, reward_names(self.problem), fix, n_observations
         )
         assumptions = Assumptions(
             self.policy_model, FixedBelief(), UniformPrior(), by_likelihood=False

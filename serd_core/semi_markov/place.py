@@ -21,7 +21,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from serd_core.arrays import FloatArray, IntArray, floored, weighted_counts
-from serd_core.bayes.information import interval, learned_outcomes, named_source
+from serd_core.bayes.information import learned_outcomes, named_source
 from serd_core.bayes.laplace import Laplace, PosteriorDraws
 from serd_core.checks import float_array, require_count
 from serd_core.demonstrations.decisions import Decisions
@@ -208,11 +208,11 @@ class DwellSummary:
 def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> DwellSummary:
     """Summarise what a fit found about dwell times: laws, intervals, and what informed them.
 
-    found: of `laplace`; draws: of `laplace_draws`; mass: that intervals hold. SerdError where moves
-    take no time, or the fit learned no dynamics.
+    found: of `laplace`; draws: of `interval_draws`; mass: that intervals hold, which are NaN where
+    the chains did not mix. SerdError where moves take no time, or the fit learned no dynamics.
 
         found = sc.laplace(timed, decisions, fit)
-        laws = sc.dwell_summary(found, sc.laplace_draws(found, rng, 400))
+        laws = sc.dwell_summary(found, sc.interval_draws(found, rng))
         unseen = laws.n_chosen == 0
         print(np.exp(laws.log_mean_over_probability[:, unseen]))
     """
@@ -232,8 +232,8 @@ def dwell_summary(found: Laplace, draws: PosteriorDraws, mass: float = 0.9) -> D
     return DwellSummary(
         mean_s=np.exp(at.truth[model.means]),
         shape=np.exp(at.truth[model.shapes]),
-        mean_interval_s=np.exp(interval(log_means, mass)),
-        log_mean_over_probability=interval(of_outcomes - np.log(floored(outcomes)), mass),
+        mean_interval_s=np.exp(draws.interval(log_means, mass)),
+        log_mean_over_probability=draws.interval(of_outcomes - np.log(floored(outcomes)), mass),
         n_chosen=chosen,
         n_dwells=np.bincount(informed[informed >= 0], minlength=model.n_laws).astype(np.float64),
         from_dwells=from_dwells,

@@ -1,4 +1,4 @@
-"""The cells of a table: text with commas, semicolons, tabs or spaces.
+"""The cells of a table: text with commas, semicolons, tabs or spaces, or a file of a database.
 
 Behind semicolons and tabs a comma is the decimal sign. Lines that begin with # are comments, of
 which the last that names a time, x and y names the columns, unless the first line of values does.
@@ -9,7 +9,6 @@ Columns without a name are called by their number. Public layouts state more tha
 | ETH/UCY | 4 numbers: frame, id, x, y; frames in steps of 10 | 25 frames per second, m |
 | Jülich archive | a comment `framerate: 25`, or 5 numbers: id, frame, x, y, z | rate, cm |
 | TUM | timestamp tx ty tz qx qy qz qw, or 8 numbers with a unit quaternion | s, m |
-| NavWareSet | timestamp, robot_x, robot_y, and x, y, column or x1, y1, x2, ... | ns, m |
 | rostopic echo -p | %time, field.... | ns, m |
 """
 
@@ -25,6 +24,7 @@ import numpy as np
 from serd_bag.errors import FileError
 from serd_bag.files import read_bytes
 from serd_files.trajectories.columns import Cells, numeric, role_of
+from serd_files.trajectories.databases import database_cells, is_of_database
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,14 +40,14 @@ _NAMED_LAYOUTS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
     (_TUM, _IN_SI),
     (("%time",), _IN_NS),
 )
-#: Columns of the robot of NavWareSet, beside x, y of people by column, or x1, y1, x2, y2, ...
-_NAVWARE = ("timestamp", "robot_x", "robot_y")
 _RATE = re.compile(r"frame\s*-?rate\D{0,5}(\d+(?:\.\d+)?)", re.IGNORECASE)
 _IN_M = re.compile(r"\bin m\b")
 
 
 def read_cells(path: Path) -> Cells:
     """Read the cells of a file; raises FileError if it holds no table."""
+    if path.is_dir() or is_of_database(path):
+        return database_cells(path)
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if "\0" in text[:4096]:
         raise FileError(f"{path} must be a table of text, it is none; unpack it, or export as CSV")
@@ -136,32 +136,11 @@ def _rate(comments: Sequence[str]) -> float | None:
 
 def _of_names(cells: Cells, comments: Sequence[str]) -> Cells:
     """Return the cells with what their names and comments state."""
-    if set(_NAVWARE) <= set(cells.names):
-        return _navware(cells)
     for header, stated in _NAMED_LAYOUTS:
         if set(header) <= set(cells.names):
             return replace(cells, stated=stated)
     has_time = any(role_of(name) == "time" for name in cells.names)
     return replace(cells, stated={} if has_time else {"fps": _rate(comments)})
-
-
-def _navware(cells: Cells) -> Cells:
-    """Return a row per agent and time of a table in which each row repeats the robot."""
-    import pandas as pd
-
-    frame = cells.frame.set_axis(list(cells.names), axis=1)
-    robot = frame[list(_NAVWARE)].drop_duplicates("timestamp").assign(id="robot")
-    parts = [robot.set_axis(["timestamp", "x", "y", "id"], axis=1)]
-    if {"x", "y", "column"} <= set(frame.columns):
-        people = frame[["timestamp", "x", "y", "column"]].dropna()
-        parts.append(people.assign(id=[f"person {each:g}" for each in people.pop("column")]))
-    for name in frame.columns:
-        if name[:1] == "x" and (number := name[1:]).isdecimal() and f"y{number}" in frame.columns:
-            person = frame[["timestamp", name, f"y{number}"]].dropna()
-            person.columns = pd.Index(["timestamp", "x", "y"])
-            parts.append(person.assign(id=f"person {number}"))
-    rows = pd.concat(parts, ignore_index=True)
-    return Cells(rows, tuple(rows.columns), _IN_NS)
 
 
 def _of_numbers(cells: Cells, comments: Sequence[str]) -> Cells:

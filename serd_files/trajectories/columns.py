@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import yaml
+from pydantic import field_validator
 
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray, IntArray
@@ -42,8 +43,9 @@ _ROLE_OF = {name: role for role, names in _NAMES.items() for name in names}
 Columns = dict[str, int]
 _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
+_CASE = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 #: Words for a place, which may precede the axis.
-_PLACE = frozenset(["position", "pos", "pose", "field"])
+PLACE_WORDS = frozenset(["position", "pos", "pose", "field"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,12 @@ class TableColumns(StrictModel):
     episode: str = setting("", "column of episodes, in each of which ids and times may begin again")
     x: str = setting("", "column of x")
     y: str = setting("", "column of y")
+    robot_columns: tuple[str, ...] = setting(
+        (), "columns of x and y of the robot, where agents have columns of their own", max_length=2
+    )
+    people_columns: tuple[tuple[str, str], ...] = setting(
+        (), "columns of x and y of each person, where people have columns of their own"
+    )
     fps: float | None = setting(
         None, "frames per second, where the column of times holds frames", unit="Hz", gt=0
     )
@@ -72,6 +80,20 @@ class TableColumns(StrictModel):
     unit: Literal["m", "cm", "mm"] | None = setting(
         None, "unit of x and y; by default that of their names, else m"
     )
+
+    fastest_mps: float = setting(
+        1.7,
+        "mean speed of moving agents above which a table is rejected, as its rate or unit is wrong",
+        unit="m/s",
+        gt=0,
+    )
+
+    @field_validator("robot_columns")
+    @classmethod
+    def _is_a_pair(cls, columns: tuple[str, ...]) -> tuple[str, ...]:
+        if len(columns) == 1:
+            raise ValueError("must name the columns of x and y, got one; add the other")
+        return columns
 
     def completed(self, stated: Mapping[str, Any]) -> "TableColumns":
         """Return the mapping with what the layout states, where the mapping states nothing.
@@ -90,7 +112,16 @@ def role_of(name: str) -> str | None:
     ('x', 'agent', 'y', None)
     """
     words = _WORD.findall(_UNIT.sub("", name.strip()).lower())
-    return _ROLE_OF.get("_".join(word for word in words if word not in _PLACE))
+    return _ROLE_OF.get("_".join(word for word in words if word not in PLACE_WORDS))
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name without its unit, in lower case; numbers are words.
+
+    >>> words_of("robotPose.x [m]"), words_of("x12")
+    (['robot', 'pose', 'x'], ['x', '12'])
+    """
+    return [word.lower() for word in _WORD.findall(_CASE.sub("_", _UNIT.sub("", name.strip())))]
 
 
 def unit_of(name: str) -> str | None:
@@ -128,7 +159,14 @@ def mapping_of(names: Sequence[str], **columns: int) -> str:
         key: names[column] if list(names).count(names[column]) == 1 else str(column + 1)
         for key, column in columns.items()
     }
-    text = yaml.safe_dump(chosen, default_flow_style=True, width=10_000, allow_unicode=True)
+    return flow_style(chosen)
+
+
+def flow_style(values: Mapping[str, Any]) -> str:
+    """Return the values as YAML in one line."""
+    text = yaml.safe_dump(
+        dict(values), default_flow_style=True, width=10_000, allow_unicode=True, sort_keys=False
+    )
     return str(text).strip()
 
 
@@ -136,13 +174,11 @@ def columns_of(where: str, cells: Cells, wanted: TableColumns) -> Columns:
     """Return the columns of a table; raises FileError where they are missing or not certain."""
     names = cells.names
     given = {
-        role: _column_named(where, names, text, role)
+        role: column_named(where, names, text, role)
         for role in ("time", "agent", "episode", "x", "y")
         if (text := getattr(wanted, role))
     }
-    for needed in ("time", "x", "y"):
-        if needed not in given:
-            _require_one(where, cells, needed)
+    _require_one(where, cells, [role for role in ("time", "x", "y") if role not in given])
     by_name = {role: at for at, name in reversed(list(enumerate(names))) if (role := role_of(name))}
     found = {"agent": -1, "episode": -1} | by_name | given
     if "time" not in found and "frame" in found:
@@ -152,7 +188,7 @@ def columns_of(where: str, cells: Cells, wanted: TableColumns) -> Columns:
     return found
 
 
-def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
+def column_named(where: str, names: Sequence[str], text: str, role: str) -> int:
     """Return the column that a mapping names for a role."""
     if text in names:
         return list(names).index(text)
@@ -164,18 +200,28 @@ def _column_named(where: str, names: Sequence[str], text: str, role: str) -> int
     )
 
 
-def _require_one(where: str, cells: Cells, role: str) -> None:
-    """Raise FileError with the mappings to write if several columns have the role and numbers."""
-    names = cells.names
-    found = [column for column, name in enumerate(names) if role_of(name) == role]
-    found = [at for at in found if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
-    if len(found) > 1:
-        mappings = " or ".join(mapping_of(names, **{role: column}) for column in found)
-        raise FileError(
-            f"{where} must have one column of {'times' if role == 'time' else role}, it has"
-            f" {' and '.join(names[column] for column in found)}; write one of them into a"
-            f" --mapping file: {mappings}"
-        )
+def _require_one(where: str, cells: Cells, roles: Sequence[str]) -> None:
+    """Raise FileError with the mappings to write if several columns have one of the roles and
+    numbers; each mapping names a column for all such roles."""
+    names, several = cells.names, {}
+    for role in roles:
+        found = [column for column, name in enumerate(names) if role_of(name) == role]
+        found = [at for at in found if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
+        if len(found) > 1:
+            several[role] = found
+    if not several:
+        return
+    role, found = next(iter(several.items()))
+    choices = (
+        {each: columns[min(at, len(columns) - 1)] for each, columns in several.items()}
+        for at in range(max(map(len, several.values())))
+    )
+    mappings = " or ".join(mapping_of(names, **choice) for choice in choices)
+    raise FileError(
+        f"{where} must have one column of {'times' if role == 'time' else role}, it has"
+        f" {' and '.join(names[column] for column in found)}; write one of them into a"
+        f" --mapping file: {mappings}"
+    )
 
 
 def _missing(where: str, names: Sequence[str], found: Mapping[str, int]) -> FileError:
@@ -234,7 +280,7 @@ def rows_of(where: str, cells: Cells, columns: Columns, wanted: TableColumns) ->
         agent, ids = _numbered(frame.iloc[:, columns["agent"]])
     x, y = (scale[axis] * numeric(frame.iloc[:, columns[axis]]) for axis in "xy")
     numbers = {"agent": agent, "episode": episode, "time_s": time_s, "x": x, "y": y}
-    rows = pd.DataFrame({"row": np.arange(len(frame)), **numbers})
+    rows = pd.DataFrame({"row": frame.index.to_numpy(), **numbers})
     good = np.isfinite(rows[["time_s", "x", "y"]]).all(axis=1) & (rows.agent >= 0)
     bad, rows = rows.row[~good].to_numpy(), rows[good].reset_index(drop=True)
     names = ids

@@ -13,6 +13,7 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
+from serd_files.trajectories.agents import in_rows
 from serd_files.trajectories.cells import read_cells
 from serd_files.trajectories.columns import (
     Cells,
@@ -24,19 +25,16 @@ from serd_files.trajectories.columns import (
     role_of,
     rows_of,
 )
+from serd_files.trajectories.speed import of_speed
 
 if TYPE_CHECKING:
     import pandas as pd
 
 #: Names of columns that classify agents.
 _KINDS = frozenset(["type", "class", "label"])
-#: Half of the shortest step between two stamps.
-_SHORTEST_S = 5e-10
 #: Share of rows, and number of them, above which ids that are in two places are rejected.
 _MANY, _FEW = 0.01, 3
 _SAME_PLACE_M = 0.1
-#: The highest and the lowest median speed (m/s) that are accepted.
-_FASTEST_MPS, _STILL_MPS = 40.0, 0.005
 #: A jump exceeds all of these; the last is a multiple of the median speed.
 _JUMP_M, _JUMP_MPS, _TIMES_USUAL = 1.0, 12.0, 10.0
 #: Most rows between two jumps that are left out as strays.
@@ -78,17 +76,18 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     path = Path(path)
     cells = read_cells(path)
     wanted = (wanted or TableColumns()).completed(cells.stated)
+    cells, wanted, unused = in_rows(str(path), cells, wanted)
     columns = columns_of(str(path), cells, wanted)
     rows = rows_of(str(path), cells, columns, wanted)
     points, contradictions = _first_of_each_time(path, rows, _candidates(cells, columns))
     points, own_clocks = _on_one_clock(points)
-    assumed = (*own_clocks, *_of_speed(path, rows, points), *contradictions)
     points, strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
+    assumed = (*own_clocks, *of_speed(path, rows, points, wanted), *contradictions)
     tracks = _tracks(points, rows, _kinds(cells))
     if not tracks:
         raise _no_agents(path, rows)
-    left_out = [*assumed, *jumps, *strays]
+    left_out = [*assumed, *jumps, *strays, *[unused] * bool(unused)]
     if len(rows.bad):
         others = _and_others(len(rows.bad))
         left_out.append(f"row {rows.bad[0] + 1} lacks a number of time, x or y{others}; left out")
@@ -191,33 +190,6 @@ def _on_one_clock(points: "pd.DataFrame") -> tuple["pd.DataFrame", tuple[str, ..
     shift_s = spans["min"].iloc[0] - spans["min"] + lengths_s.cumsum().shift(fill_value=0.0)
     sentence = f"times of {len(spans)} episodes overlap, so each has a clock of its own"
     return points.assign(time_s=points.time_s + points.episode.map(shift_s)), (sentence,)
-
-
-def _of_speed(path: Path, rows: Rows, points: "pd.DataFrame") -> list[str]:
-    """Return sentences about assumed units; raises FileError for impossible speeds."""
-    same, moved_m, step_s, _ = _steps(points)
-    moving = same & (moved_m > 0) & (step_s > _SHORTEST_S)
-    speed_mps = float((moved_m[moving] / step_s[moving]).median()) if moving.any() else 0.0
-    if 0 < speed_mps < _STILL_MPS:
-        raise FileError(
-            f"{path}: agents must move, but half of their steps are at {speed_mps:.2g} m/s or"
-            " slower; state unit: and time_unit: or fps: in a --mapping file; degrees are no unit"
-            " of places"
-        )
-    if speed_mps > _FASTEST_MPS:
-        raise FileError(
-            f"{path}: agents must move at less than {_FASTEST_MPS:g} m/s, but half of them move at"
-            f" {speed_mps:.3g} m/s or faster; state unit: and time_unit: or fps: in a --mapping"
-            " file" + ("" if rows.has_ids else ", or the column of ids by agent:")
-        )
-    units = rows.assumed
-    if not units:
-        return []
-    keys = " and ".join(f"'{key}:'" for key in units)
-    return [
-        f"{' and '.join(units.values())} are assumed (then agents move at {speed_mps:.2g} m/s);"
-        f" {keys} in a --mapping file {'state' if len(units) > 1 else 'states'} others"
-    ]
 
 
 def _steps(points: "pd.DataFrame") -> tuple[Any, Any, Any, Any]:

@@ -1,17 +1,20 @@
-"""The newest transforms between frames, as /tf and /tf_static give them (REP 105).
+"""Where frames were in each other in the last seconds, as /tf and /tf_static give it (REP 105).
 
-A transform that is older than `LONGEST_S` beside the newest one of its chain is stale: what
-published it has stopped. A frame that is in two others within that time is in neither.
+As in tf2, transforms are interpolated between their stamps and not extrapolated: without a time,
+frames are placed at the newest one that all transforms of the chain have reached. A transform that
+is older than `LONGEST_S` beside the newest one of its chain is stale: what published it has
+stopped. A frame that is in two others within that time is in neither.
 """
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 
-from serd_app.drives.transforms import FrameGraph, matrices_of, plain_name, planar
+from serd_app.drives.transforms import FrameGraph, plain_name, planar
 from serd_bag.messages.plain import Transform
 from serd_core.arrays import FloatArray
 from serd_ros.endpoints import topics
@@ -20,15 +23,20 @@ from serd_sim.safety.motion import compose
 from serd_sim.world.observation import Pose
 
 LONGEST_S = 3.0
+#: How long (s) transforms are kept.
+MEMORY_S = 10.0
+#: A stamp that falls back by more than this (s) begins anew.
+_RESTART_S = 0.5
 Message = TypeVar("Message")
 _LEAST_UPRIGHT = 0.9
+_MOST_WAITING = 20
 #: From the middle of the earth to a map it is 6.4e6 m.
 _FARTHEST_M = 1e7
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where a frame is in another; stamp_ns: of the moving transform next to it, None if none."""
+    """Where a frame is in another; stamp_ns: when, None where nothing between them moves."""
 
     matrix: FloatArray
     stamp_ns: int | None
@@ -40,19 +48,21 @@ class Placement:
         return x_m, y_m, yaw_rad
 
 
+class NotYetError(MessageError):
+    """Transforms have not reached the time at which a frame is wanted."""
+
+
 class Frames(FrameGraph):
     """Takes transforms and places frames in each other; MessageError where nothing joins them.
 
     prefix: before the frames `base_link` and `odom` of this robot outside its nodes, as
-    robot_state_publisher's frame_prefix.
+    robot_state_publisher's frame_prefix. waiting: what is called after the next transform.
     """
 
     def __init__(self, prefix: str = "") -> None:
         super().__init__()
         self.prefix = prefix
-        self._matrices: dict[str, FloatArray] = {}
-        #: Of moving transforms.
-        self._stamps_ns: dict[str, int] = {}
+        self.waiting: deque[Callable[[], None]] = deque(maxlen=_MOST_WAITING)
         #: By frame: another one that it was in, and the stamps of both at that time.
         self._others: dict[str, tuple[str, int, int]] = {}
 
@@ -71,25 +81,31 @@ class Frames(FrameGraph):
                 f"{transform.placed} of {transform.child!r}",
                 "correct what publishes it",
             )
-        stamp_ns = transform.header.stamp_ns
+        stamp_ns, moving = transform.header.stamp_ns, self._newest_ns(child)
         other = self._parents.get(child, parent)
-        if other != parent and not (static and child not in self._stamps_ns):
+        if other != parent and not (static and moving is None):
             # A static transform has the time of the moving one.
-            then_ns = self._stamps_ns.get(child, stamp_ns)
+            then_ns = stamp_ns if moving is None else moving
             self._others[child] = other, then_ns, then_ns if static else stamp_ns
-        self._parents[child] = parent
-        self._matrices[child] = matrices_of(np.array([transform.placed]))[0]
-        self._stamps_ns.pop(child, None)
+        if moving is not None and (moving - stamp_ns) * 1e-9 > _RESTART_S:
+            del self._histories[child]
+        history = self._history(child, parent, is_static=static)
+        history.add(stamp_ns, transform.placed)
         if not static:
-            self._stamps_ns[child] = stamp_ns
+            history.forget_before(stamp_ns - round(MEMORY_S * 1e9))
             self._break_loop(child, stamp_ns)
+
+    def _newest_ns(self, child: str) -> int | None:
+        """The newest stamp of a transform that moves, else None."""
+        history = self._histories.get(child)
+        return None if history is None or history.is_static else history.newest_ns
 
     def _break_loop(self, frame: str, stamp_ns: int) -> None:
         """Discard transforms that have stopped of a loop that the newest one closes."""
         for child in self._loop_of(self.chain(frame)):
-            other_ns = self._stamps_ns.get(child, stamp_ns)
-            if abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
-                del self._parents[child], self._stamps_ns[child]
+            other_ns = self._newest_ns(child)
+            if other_ns is not None and abs(stamp_ns - other_ns) * 1e-9 > LONGEST_S:
+                del self._parents[child], self._histories[child]
 
     def prefixed(self, message: Message) -> Message:
         """The message to be published, with the prefix before the robot's frames."""
@@ -106,9 +122,17 @@ class Frames(FrameGraph):
         return plain_name(frame).removeprefix(self.prefix)
 
     def place(
-        self, frame: str, target: str, *, level: bool = True, field: str = "frame_id"
+        self,
+        frame: str,
+        target: str,
+        *,
+        at_ns: int | None = None,
+        level: bool = True,
+        field: str = "frame_id",
     ) -> Placement:
-        """The frame in the target; level: whether it must be level there; field: that names it."""
+        """The frame in the target. at_ns: when, the newest time without one; NotYetError where
+        transforms have not reached it. level: whether it must be level there; field: that names it.
+        """
         own, own_target = self.own(frame), self.own(target)
         self._require_no_loop(own, own_target)
         found = self.between(own, own_target)
@@ -122,8 +146,14 @@ class Frames(FrameGraph):
             )
         chain = [*found[0], *found[1]]
         self._require_one_parent(chain)
-        self._require_fresh(chain)
-        matrix = self.placement(*found, self._matrices.__getitem__)
+        newest_ns = self._require_fresh(chain)
+        time_ns = newest_ns if at_ns is None or newest_ns is None else at_ns
+        if at_ns is not None:
+            self._require_reached(chain, at_ns)
+        matrix = np.eye(4)  # of a frame in itself
+        if chain:
+            at = np.array([time_ns or 0])
+            matrix = self.placement(*found, lambda child: self._histories[child].at(at)[0])[0]
         if level and matrix[2, 2] < _LEAST_UPRIGHT:
             turned = matrix[2, 2] < -_LEAST_UPRIGHT
             raise MessageError(
@@ -134,8 +164,7 @@ class Frames(FrameGraph):
                 if turned
                 else "publish in a level frame",
             )
-        stamps_ns = (self._stamps_ns[child] for child in chain if child in self._stamps_ns)
-        return Placement(matrix, next(stamps_ns, None))
+        return Placement(matrix, time_ns)
 
     def pose_in(self, target: str, frame: str, pose: Pose) -> Pose:
         """A pose given in `frame`, in the target; the same numbers where the frames are one."""
@@ -149,7 +178,8 @@ class Frames(FrameGraph):
             if child not in self._others or child not in self._parents:
                 continue
             other, then_ns, changed_ns = self._others[child]
-            stamp_ns = self._stamps_ns.get(child, changed_ns)
+            moving = self._newest_ns(child)
+            stamp_ns = changed_ns if moving is None else moving
             had_stopped = abs(changed_ns - then_ns) * 1e-9 > LONGEST_S
             is_over = abs(stamp_ns - changed_ns) * 1e-9 > LONGEST_S
             if not (had_stopped or is_over):
@@ -159,10 +189,11 @@ class Frames(FrameGraph):
                     "end what publishes one of them",
                 )
 
-    def _require_fresh(self, chain: list[str]) -> None:
-        stamps_ns = {child: self._stamps_ns[child] for child in chain if child in self._stamps_ns}
+    def _require_fresh(self, chain: list[str]) -> int | None:
+        """The newest time that all transforms have reached, None where none moves."""
+        stamps_ns = {child: stamp_ns for child in chain if (stamp_ns := self._newest_ns(child))}
         if not stamps_ns:
-            return
+            return None
         oldest = min(stamps_ns, key=lambda child: stamps_ns[child])
         age_s = (max(stamps_ns.values()) - stamps_ns[oldest]) * 1e-9
         if age_s > LONGEST_S:
@@ -170,6 +201,26 @@ class Frames(FrameGraph):
                 f"transforms of /tf must be at most {LONGEST_S:g} s apart",
                 f"{self._parents[oldest]!r} to {oldest!r}, {age_s:.1f} s older than others",
                 "look at what publishes it",
+            )
+        return stamps_ns[oldest]
+
+    def _require_reached(self, chain: list[str], time_ns: int) -> None:
+        """No transform is extrapolated to a time."""
+        for child in chain:
+            beyond_s = float(self._histories[child].at(np.array([time_ns]))[1][0])
+            if beyond_s == 0.0:
+                continue
+            between = f"{self._parents[child]!r} to {child!r}"
+            if beyond_s > 0.0:
+                raise NotYetError(
+                    "transforms of /tf must reach the stamp of a message",
+                    f"{between}, {beyond_s:.3f} s older",
+                    "look at what publishes it, and set the clocks of the machines",
+                )
+            raise MessageError(
+                f"messages must be at most as old as /tf is kept ({MEMORY_S:g} s)",
+                f"one {-beyond_s:.3f} s older than {between}",
+                "look at its stamps, and at the clocks of the machines",
             )
 
     def _require_no_loop(self, *frames: str) -> None:

@@ -23,6 +23,7 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from serd_app.navigation.approach import GoalPose
 from serd_bag.messages.plain import yaw_of_quaternion
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, action_of_direction, direction_of_action
 from serd_ros.convert.frames import NO_FRAMES, Frames
@@ -77,9 +78,12 @@ def to_waypoint_message(waypoint: Waypoint, time_s: float, heading_rad: float = 
     return to_pose_stamped((waypoint.x_m, waypoint.y_m, heading_rad), time_s)
 
 
-def from_waypoint_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple[int, Waypoint]:
-    """(stamp_ns, waypoint in the map); its orientation is ignored."""
-    return stamp_ns(message.header.stamp), Waypoint(*from_goal_message(message, frames))
+def from_waypoint_message(
+    message: PoseStamped, frames: Frames = NO_FRAMES
+) -> tuple[int, Waypoint, float | None]:
+    """(stamp_ns, waypoint in the map, heading there; None without one)."""
+    goal = from_goal_pose(message, frames)
+    return stamp_ns(message.header.stamp), Waypoint(goal.x_m, goal.y_m), goal.heading_rad
 
 
 def odom_in_map(base_in_map: PlanarPose, base_in_odom: PlanarPose) -> PlanarPose:
@@ -125,6 +129,23 @@ def from_goal_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple
     """(x_m, y_m) of a goal in the map; its orientation is ignored."""
     x_m, y_m = _position(message.pose)
     return frames.pose_in(topics.MAP_FRAME, message.header.frame_id, (x_m, y_m, 0.0))[:2]
+
+
+def from_goal_pose(message: PoseStamped, frames: Frames = NO_FRAMES) -> GoalPose:
+    """A goal in the map; one without a heading where its quaternion is not one, as of zeros."""
+    turn = message.pose.orientation
+    x_m, y_m = from_goal_message(message, frames)
+    if not math.isclose(math.hypot(turn.x, turn.y, turn.z, turn.w), 1.0, abs_tol=_UNIT_TOLERANCE):
+        return GoalPose(x_m, y_m)
+    return GoalPose(x_m, y_m, from_pose_stamped(message, frames)[1][2])
+
+
+def to_goal(goal: GoalPose, on_way: Pose) -> Pose:
+    """The pose of a goal; with the heading of the way where it has none."""
+    pose = to_pose((goal.x_m, goal.y_m, goal.heading_rad or 0.0))
+    if goal.heading_rad is None:
+        pose.orientation = on_way.orientation
+    return pose
 
 
 def _position(message: Pose) -> tuple[float, float]:

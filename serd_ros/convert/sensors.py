@@ -70,7 +70,9 @@ def from_people_message(message: PointCloud2, frames: Frames = NO_FRAMES) -> tup
     position_m = np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64)
     velocity_mps = np.stack([rows["vx"], rows["vy"]], axis=1).astype(np.float64)
     if message.header.frame_id != topics.MAP_FRAME:
-        matrix = frames.place(message.header.frame_id, topics.MAP_FRAME).matrix
+        matrix = frames.place(
+            message.header.frame_id, topics.MAP_FRAME, at_ns=stamp_ns(message.header.stamp)
+        ).matrix
         turn = matrix[:2, :2].T
         position_m, velocity_mps = position_m @ turn + matrix[:2, 3], velocity_mps @ turn
     identity = rows["id"].astype(np.int64)

@@ -23,11 +23,11 @@ from sensor_msgs.msg import PointCloud2
 
 from serd_app.drives.transforms import plain_name
 from serd_bag.errors import BagError
-from serd_bag.formats.rosbag2.message_types import MessageType, message_type, rosbags_types
+from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
 from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.messages.plain import Transform, transforms
-from serd_bag.topic import Topic
-from serd_ros.convert.frames import Frames
+from serd_bag.topic import MessageType, Topic
+from serd_ros.convert.frames import Frames, NotYetError
 from serd_ros.convert.motion import PlanarPose, odom_in_map, to_quaternion
 from serd_ros.convert.sensors import from_people_message
 from serd_ros.convert.stamp import require_finite, require_time, to_stamp
@@ -41,6 +41,8 @@ from serd_sim.robot.urdf import LinkTransform, Placed
 from serd_sim.world.observation import People
 
 _LOOK_PERIOD_S, _LOG_PERIOD_S = 0.5, 5.0
+#: A message waits so long (s) for the transforms of its stamp.
+_WAITS_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,10 @@ def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lamb
         faults = [_fault_of(node.frames, each, static=static) for each in found]
         if not static:
             on_change()
+        waiting = list(node.frames.waiting)
+        node.frames.waiting.clear()
+        for again in waiting:
+            again()
         for fault in filter(None, faults):
             raise fault
 
@@ -158,6 +164,28 @@ def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lamb
             each.look()
 
     endpoints.every(_LOOK_PERIOD_S, look)
+
+
+def when_placed(
+    endpoints: Endpoints, take: Callable[[Any], None], topic: str
+) -> Callable[..., None]:
+    """A callback of messages that may come before the transforms of their stamp.
+
+    Such a message is taken again after the next transforms, for a second. topic: by which those
+    are counted that /tf never reaches.
+    """
+    node = endpoints.node
+
+    def taken(message: Any, since_s: float) -> None:
+        try:
+            take(message)
+        except NotYetError:
+            if node.wall_s() - since_s > _WAITS_S:
+                raise
+            node.frames.waiting.append(partial(again, message, since_s))
+
+    again = endpoints.guarded(topic, taken)
+    return lambda message: taken(message, node.wall_s())
 
 
 def _fault_of(frames: Frames, transform: Transform, *, static: bool) -> MessageError | None:
@@ -262,7 +290,9 @@ def _in_map(seen: SeenPeople, frames: Frames) -> SeenPeople:
     if plain_name(seen.header.frame) == topics.MAP_FRAME:
         return seen
     # A camera's frame is not level; its people are placed in space.
-    matrix = frames.place(seen.header.frame, topics.MAP_FRAME, level=False).matrix
+    matrix = frames.place(
+        seen.header.frame, topics.MAP_FRAME, at_ns=seen.header.stamp_ns, level=False
+    ).matrix
     turn = matrix[:3, :3].T
     position_m, velocity_mps = seen.position_m @ turn + matrix[:3, 3], seen.velocity_mps @ turn
     return replace(seen, position_m=position_m, velocity_mps=velocity_mps)
@@ -284,6 +314,8 @@ class PeopleTopic:
         self._subscribed: Endpoints | None = None
         self._followed: FollowedTopic | None = None
         self._topic, self._people = Topic(name, MessageType(CLOUD, "", "")), PeopleInMap()
+        self._take_cloud = when_placed(endpoints, self._on_cloud, name)
+        self._take_message = when_placed(endpoints, self._on_message, name)
         self._subscribe()
         endpoints.every(_LOOK_PERIOD_S, self._look)
 
@@ -346,8 +378,8 @@ class PeopleTopic:
         name, kind = self._node.resolve_topic_name(self.name), self._topic.type_name
         self._subscribed = scope = self._endpoints.scope()
         if kind == CLOUD:
-            scope.subscribe(PointCloud2, self.name, self._on_cloud, qos.STATE)
+            scope.subscribe(PointCloud2, self.name, self._take_cloud, qos.STATE)
         else:
-            take = self._on_message
+            take = self._take_message
             self._followed = FollowedTopic(scope, name, TopicType(kind), take, self.name)
             self._node.get_logger().info(f"{name}: people are received as {kind}")

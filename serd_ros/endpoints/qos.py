@@ -86,6 +86,13 @@ def common_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
     return _last(STATE_DEPTH, reliable=reliable, latched=latched)
 
 
+def lossless(offered: Iterable[QoSProfile]) -> QoSProfile:
+    """A profile that matches every one of the publishers and keeps all that is not taken yet."""
+    common = common_qos(offered)
+    keep_all, latched = HistoryPolicy.KEEP_ALL, is_latched(common)
+    return _last(0, reliable=is_reliable(common), latched=latched, history=keep_all)
+
+
 def less_demanding(requested: QoSProfile, offered: QoSProfile) -> QoSProfile:
     """The requested profile with no more than what is offered; itself where that is enough."""
     reliable = is_reliable(requested) and is_reliable(offered)

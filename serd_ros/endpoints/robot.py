@@ -19,7 +19,7 @@ from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.sensors import from_scan, scan_geometry_of
 from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
-from serd_ros.endpoints.followed_topic import PeopleTopic, follow_transforms
+from serd_ros.endpoints.followed_topic import PeopleTopic, follow_transforms, when_placed
 from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import Endpoints
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
@@ -165,10 +165,12 @@ def follow_scans(
         time_ns, ranges_m = from_scan(message, frame="")
         frame = message.header.frame_id
         is_own = frames.own(frame) == frames.own(config.scan_frame)
-        mount = own if is_own else frames.place(frame, topics.BASE_FRAME).pose
+        mount = own if is_own else frames.place(frame, topics.BASE_FRAME, at_ns=time_ns).pose
         take(time_ns, Scan(time_ns * 1e-9, ranges_m, scan_geometry_of(message), mount))
 
-    endpoints.subscribe(LaserScan, topics.SCAN, on_scan, profile)
+    endpoints.subscribe(
+        LaserScan, topics.SCAN, when_placed(endpoints, on_scan, topics.SCAN), profile
+    )
 
 
 TakePose = Callable[[int, motion.PlanarPose], None]
@@ -192,7 +194,7 @@ class PoseTopic:
 
 
 class TransformPose:
-    """`base_link` in `map` by /tf, as often as the transform next to `base_link` comes."""
+    """`base_link` in `map` by /tf, whenever all transforms between them have reached a new time."""
 
     topic: ClassVar[str] = topics.TF
 

@@ -20,8 +20,10 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from rclpy.validate_topic_name import validate_topic_name
 from rosbags.interfaces import Nodetype
 
-from serd_bag.formats.rosbag2.message_types import MessageType, message_type, typestore_of
+from serd_bag.formats.rosbag2.message_types import message_type, typestore_of
 from serd_bag.nearest import hint
+from serd_bag.topic import MessageType
+from serd_ros.convert import typed
 from serd_ros.endpoints import qos, topics
 from serd_ros.errors import NodeError
 
@@ -55,6 +57,7 @@ class TopicType:
         return bool(fields) and fields[0][1] in [(Nodetype.NAME, kind) for kind in _TIMES]
 
 
+typed.register()
 #: How a type hash begins that is known.
 HASH_START = "RIHS01_"
 TF_TYPE = "tf2_msgs/msg/TFMessage"
@@ -80,7 +83,9 @@ TYPES = {
         ("diagnostic_msgs/msg/DiagnosticArray", qos.STATE, topics.EPISODE, topics.DIAGNOSTICS),
         ("nav_msgs/msg/Path", qos.STATE, topics.PLAN),
         ("geometry_msgs/msg/PolygonStamped", qos.LATCHED, topics.GOAL_AREA),
-        ("std_msgs/msg/Float64MultiArray", qos.LATCHED, topics.ARRIVAL),
+        ("serd_msgs/msg/ArrivalForecast", qos.LATCHED, topics.ARRIVAL),
+        ("serd_msgs/msg/Decision", qos.LATCHED, topics.DECISION),
+        (typed.REPLAYED, qos.STATE, topics.REPLAYED),
         ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
         ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY,
          topics.MARKERS_VALUE, topics.MARKERS_ARRIVAL),

@@ -1,11 +1,12 @@
 """bag_replay: plays a bag into its topics, as a ROS 2 node.
 
 A learner, a recorder or a viewer subscribes as to the recorded world. Bag time is that of the log
-times; a recorded /clock is played as any other topic.
+times; a recorded /clock is played as any other topic. The log times of what was published follow on
+`replayed`, by topic.
 """
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 
 from rclpy.duration import Duration
@@ -17,8 +18,9 @@ from serd_bag.playback import Excerpt, Playback
 from serd_bag.reader import BagReader
 from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
-from serd_ros.endpoints import qos
-from serd_ros.endpoints.topic_types import message_class
+from serd_ros.convert.typed import to_replayed
+from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.topic_types import TYPES, message_class
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness
 from serd_ros.process.serd_node import SerdNode
@@ -29,6 +31,8 @@ _AT_ONCE = 200
 _REPORT_PERIOD_S = 0.5
 #: The longest wait (s) for a subscriber where no node is required.
 _WAIT_S = 10.0
+#: Who subscribes to what it finds published has done so when nobody else has for so long (s).
+_SETTLED_S = 1.0
 _CONFIRMED_WITHIN = Duration(seconds=10.0)
 _UNCONFIRMED_AT_MOST = qos.STATE_DEPTH // 2
 
@@ -46,6 +50,10 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         wanted = selected_topics(kinds, [name for name in config.topics if name])
         self._outlets = self._outlets_of([kinds[name] for name in wanted])
         self._n_unconfirmed = Counter[str]()
+        replayed = TYPES[topics.REPLAYED]
+        self._replayed = endpoints.publisher(replayed.message, topics.REPLAYED, qos.STATE)
+        self._log_times: defaultdict[str, list[int]] = defaultdict(list)
+        self._n_subscriptions, self._settling_since_s = 0, now_s
         played, duration_s = frozenset(self._outlets), config.duration_s or math.inf
         self._excerpt = Excerpt(played, config.start_s, duration_s)
         self._n_sent = 0
@@ -55,10 +63,10 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._turns = endpoints.every(_TURN_S, self._turn)
         endpoints.every(_REPORT_PERIOD_S, self._report_playback)
 
-    def _outlets_of(self, topics: Iterable[Topic]) -> dict[str, Publisher]:
+    def _outlets_of(self, known: Iterable[Topic]) -> dict[str, Publisher]:
         """By topic, for those that can be played."""
         found, skipped = dict[str, Publisher](), set[str]()
-        for topic in topics:
+        for topic in known:
             message = message_class(resolve_type_if_known(topic.message_type))
             if message is not None and topic.encoding == CDR:
                 profile = qos.replay_qos(profile_to_offer(topic.qos))
@@ -76,6 +84,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         """Send it; at times wait for reliable readers, so that none is overrun."""
         topic = message.topic
         self._outlets[topic].publish(message.data)
+        self._log_times[topic].append(message.log_time_ns)
         self._n_unconfirmed[topic] += 1
         if self._n_unconfirmed[topic] >= _UNCONFIRMED_AT_MOST:
             self._confirm(topic)
@@ -104,8 +113,22 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         for message in messages:
             self._publish(message)
         self._n_sent += len(messages)
+        self._publish_log_times()
         if self._playback.finished:
             self._end()
+
+    def _publish_log_times(self) -> None:
+        if self._replayed.get_subscription_count():
+            for topic, log_times_ns in self._log_times.items():
+                self._replayed.publish(to_replayed(topic, log_times_ns))
+        self._log_times.clear()
+
+    def _has_settled(self, now_s: float) -> bool:
+        """Whether the number of subscriptions has been the same for a while."""
+        count = sum(each.get_subscription_count() for each in self._outlets.values())
+        if count != self._n_subscriptions:
+            self._n_subscriptions, self._settling_since_s = count, now_s
+        return count > 0 and now_s - self._settling_since_s >= _SETTLED_S
 
     def _has_subscribers(self) -> bool:
         """Whether all required nodes subscribe, or without them any node, or the wait is over."""
@@ -113,8 +136,8 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         now_s = self.wall_s()
         missing = self._readiness.missing(now_s)
         required = any(self.config.required_nodes)
-        is_heard = any(each.get_subscription_count() for each in self._outlets.values())
-        is_ready = not missing and (required or is_heard)
+        settled, heard = self._has_settled(now_s), self._n_subscriptions > 0
+        is_ready = not missing and (settled if required else heard)
         if is_ready or (not required and now_s >= self._waiting_until_s):
             self._waiting_until_s = None
             return True
@@ -144,6 +167,7 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._turns.cancel()
         for topic in list(self._n_unconfirmed):
             self._confirm(topic)
+        self._replayed.wait_for_all_acked(_CONFIRMED_WITHIN)
         self._report_playback()
         if damage:
             self.fail(damage)

@@ -52,8 +52,10 @@ class GuardConfig(GuardSettings, StackConfig, LidarConfig):
     people_topic: str = setting_of(ObservationConfig, "people_topic")
     lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
     stamped_cmd_vel: bool = setting(False, "cmd_vel_raw and cmd_vel are TwistStamped")
-    stop_pub_timeout: float = setting(1.0, "publish no stop longer", unit="s", ge=0)
-    clock_timeout: float = setting(1.0, "live: stop when the clock stands", unit="s", gt=0)
+    stop_pub_timeout: float = setting(1.0, "publish no stop longer", unit="s", live="any", ge=0)
+    clock_timeout: float = setting(
+        1.0, "live: stop when the clock stands", unit="s", live="lower", gt=0
+    )
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -108,6 +110,14 @@ class GuardNode(SerdNode[GuardConfig]):
             endpoints.subscribe(Bool, topics.GUARD_OVERRIDE, self._on_override, qos.COMMAND)
             period_s = 1.0 / config.controller_frequency
             endpoints.every(period_s, self._watch)
+
+    def check_change(self, config: GuardConfig) -> None:
+        """Stricter limits count at once, others while the robot stands."""
+        self._guard.require_may_change(config.guard(), self.now_s())
+
+    def take_change(self, config: GuardConfig) -> None:
+        """Guard by the parameters that were set."""
+        self._guard.change(config.guard())
 
     def _refuse_own_output(self) -> None:
         """NodeError where the node would take what it publishes as commands."""

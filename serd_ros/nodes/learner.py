@@ -4,6 +4,7 @@ Live, it learns at the end of each episode, beginning where the last fit ended, 
 `learn`, beginning anew. What it has seen and where its fit stands is kept on disk after each.
 """
 
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -14,6 +15,8 @@ from std_srvs.srv import Trigger
 
 from serd_app.demonstrations.decision_table import Place, save_learnable
 from serd_app.demonstrations.discretise import demonstrations_of_bag
+from serd_app.demonstrations.live import LiveDrive, MappedLiveDrive
+from serd_app.drives.mapping import BagMapping
 from serd_app.learning.checkpoint import FitWorker, LearnerMemory
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, save_outcome
@@ -25,9 +28,10 @@ from serd_bag.files import require_file_place
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_files.errors import USER_ERRORS
 from serd_files.settings import setting, setting_of
-from serd_files.yaml_config import model_yaml
+from serd_files.yaml_config import load_yaml_model, model_yaml
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.endpoints import qos, topics
+from serd_ros.endpoints.mapped_topics import MappedTopics
 from serd_ros.endpoints.topic_types import topic_type
 from serd_ros.errors import MessageError, NodeError
 from serd_ros.process.progress import Progress, write_progress
@@ -41,6 +45,8 @@ _LOOK_PERIOD_S = 0.1
 _CHECKPOINT_PERIOD_S = 1.0
 #: Intents may come this much later (s) than the end mark of their episode; later, it counts anew.
 _SETTLING_S = 0.5
+#: Episodes of a mapping are counted this often (s), or in at most this share of the time.
+_COUNT_PERIOD_S, _COUNT_SHARE = 2.0, 10.0
 _UNCONVERGED = 1
 _REPLAY = "bag_replay"
 
@@ -50,8 +56,13 @@ class LearnerConfig(LearningSettings, ManagedConfig):
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     bag: str = setting("", "learn from this bag at start; from live topics when empty")
+    mapping: str = setting(
+        "", "YAML file of the topics of another robot, as of serd demos; ours when empty"
+    )
     learn_on: Literal["call", "episode"] = setting(
-        "episode", "live: learn at the end of each episode, or when the service learn is called"
+        "episode",
+        "live: learn at the end of each episode, or when the service learn is called",
+        live="any",
     )
     state: str = setting("", "live: folder of checkpoints; beside the output when empty")
     output: str = setting("model.yaml", "model file to write", min_length=1)
@@ -78,15 +89,19 @@ class LearnerNode(SerdNode[LearnerConfig]):
             require_file_place(Path(config.decisions))
             require_replaceable(Path(config.decisions), task.scenario_yaml)
         require_replaceable(Path(config.output), task.scenario_yaml)
-        memory = None if config.bag else self._memory_of(scenario, task)
-        return partial(Learning, task, place, memory)
+        mapping = load_yaml_model(Path(config.mapping), BagMapping) if config.mapping else None
+        memory = None if config.bag else self._memory_of(scenario, task, mapping)
+        return partial(Learning, task, place, memory, mapping)
 
-    def _memory_of(self, scenario: Scenario, task: LearningTask) -> LearnerMemory:
+    def _memory_of(
+        self, scenario: Scenario, task: LearningTask, mapping: BagMapping | None
+    ) -> LearnerMemory:
         config, output = self.config, Path(self.config.output)
         memory = LearnerMemory(
             scenario,
             Path(config.state or output.with_name(f"{output.stem}_learner")),
             feature_names=task.problem.feature_names,
+            mapping=mapping,
         )
         self.get_logger().info(f"{memory.n_decisions} decisions kept in {memory.folder.path}")
         if remark := memory.start_remark:
@@ -98,10 +113,18 @@ class Learning(Activity):
     """Takes decisions and learns in a thread; memory: of what was shown, None with a bag."""
 
     def __init__(
-        self, task: LearningTask, place: Place, memory: LearnerMemory | None, endpoints: Endpoints
+        self,
+        task: LearningTask,
+        place: Place,
+        memory: LearnerMemory | None,
+        mapping: BagMapping | None,
+        endpoints: Endpoints,
     ) -> None:
-        self._node, self._config = endpoints.node, endpoints.node.config
-        self._task, self._place, self._memory = task, place, memory
+        self._node = endpoints.node
+        self._task, self._place, self._memory, self._mapping = task, place, memory, mapping
+        self._topics: MappedTopics | None = None
+        #: When episodes are counted again, and how many messages had come at the last end.
+        self._count_due_s, self._n_gathered = 0.0, 0
         self._again = self._begin_anew = False
         self._begun_s = 0.0
         # An episode that ended before a deactivation is still to be gathered.
@@ -113,13 +136,14 @@ class Learning(Activity):
         #: Why there is no model of all that was shown; empty where there is one.
         self._refusal = "no episode has ended"
         self._checkpoint_due_s = 0.0
+        self._is_gathered_to_its_end = False
         self._worker = FitWorker()
         if memory is not None:
             self._listen(endpoints, memory)
         self._models = endpoints.publisher(String, topics.MODEL, qos.LATCHED)
         endpoints.serve(Trigger, topics.LEARN, self._on_learn)
         endpoints.every(_LOOK_PERIOD_S, self._look)
-        if memory is None or (memory.unlearned and self._config.learn_on == "episode"):
+        if memory is None or (memory.unlearned and self._node.config.learn_on == "episode"):
             self._begin(anew=False)
 
     def close(self) -> None:
@@ -127,11 +151,15 @@ class Learning(Activity):
         self._worker.stop()
 
     def _listen(self, endpoints: Endpoints, memory: LearnerMemory) -> None:
-        for topic in (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE):
+        if isinstance(memory.drive, MappedLiveDrive):
+            self._topics = MappedTopics(endpoints, memory.drive, self._hear)
+        for topic in (
+            () if self._topics is not None else (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
+        ):
             kind = topic_type(topic, stamped_cmd_vel=False)
             take = partial(self._take, memory, topic)
             endpoints.subscribe_raw(kind.message, topic, take, qos.LOSSLESS)
-        if self._config.exit_with_publishers:
+        if self._node.config.exit_with_publishers:
             take_report = self._on_diagnostics
             endpoints.subscribe(DiagnosticArray, topics.DIAGNOSTICS, take_report, qos.STATE)
 
@@ -142,8 +170,24 @@ class Learning(Activity):
                 self._is_played = status.message == "finished"
                 self._heard_s = self._heard_s or self._node.wall_s()
 
+    def _hear(self) -> None:
+        self._heard_s = self._node.wall_s()
+
+    def _count_episodes(self, drive: MappedLiveDrive, now_s: float) -> None:
+        """Whether an episode has ended shows in all poses so far; looking takes its time."""
+        if now_s < self._count_due_s or drive.n_messages == self._n_gathered:
+            return
+        before, self._n_gathered = drive.n_ended, drive.n_messages
+        with suppress(BagError):  # before the first pose
+            drive.look()
+        took_s = self._node.wall_s() - now_s
+        self._count_due_s = now_s + max(_COUNT_PERIOD_S, _COUNT_SHARE * took_s)
+        if drive.n_ended != before:
+            self._ended_s = now_s
+
     def _take(self, memory: LearnerMemory, topic: str, data: bytes) -> None:
         drive = memory.drive
+        assert isinstance(drive, LiveDrive)
         before = (drive.n_ended, drive.n_late)
         self._heard_s = self._node.wall_s()
         try:
@@ -162,21 +206,31 @@ class Learning(Activity):
             else:
                 self._refuse(str(event))
         memory = self._memory
+        if memory is not None and isinstance(memory.drive, MappedLiveDrive):
+            self._count_episodes(memory.drive, self._node.wall_s())
         if memory is not None and self._settled(memory):
             self._ended_s = None
             self._gather_ended(memory)
         if (self._again or self._begin_anew) and not self._worker.busy:
             self._begin(anew=self._begin_anew)
-        elif self._config.exit_with_publishers and not self._worker.busy:
+        elif self._node.config.exit_with_publishers and not self._worker.busy:
             self._end_with_publishers()
 
     def _end_with_publishers(self) -> None:
         if self._ended_s is not None or not self._has_ended(self._node.wall_s()):
             return
-        if self._refusal:
+        if self._topics is not None and not self._is_gathered_to_its_end:
+            self._gather_to_its_end()
+        elif self._refusal:
             self._node.fail(f"no model was learned: {self._refusal}")
         else:
             self._node.finish(0)
+
+    def _gather_to_its_end(self) -> None:
+        """Of a mapping: the last episode ends where the messages do, as in a bag."""
+        self._is_gathered_to_its_end = True
+        assert self._memory is not None
+        self._gather_ended(self._memory, unfinished=True)
 
     def _settled(self, memory: LearnerMemory) -> bool:
         if self._ended_s is None:
@@ -187,18 +241,26 @@ class Learning(Activity):
 
     def _has_ended(self, now_s: float) -> bool:
         """Whether nothing plays or publishes any more, and all that arrived has been taken."""
-        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
-        if not self._is_played and any(map(self._node.count_publishers, observed)):
+        if not self._is_played and self._has_publishers:
             self._heard_s = now_s
+        if self._topics is not None and not self._topics.complete:
+            return False
         return self._heard_s is not None and now_s - self._heard_s > _SETTLING_S
 
-    def _gather_ended(self, memory: LearnerMemory) -> None:
+    @property
+    def _has_publishers(self) -> bool:
+        if self._topics is not None:
+            return self._topics.has_publishers
+        observed = (topics.ROBOT_POSE, topics.INTENT, topics.EPISODE)
+        return any(map(self._node.count_publishers, observed))
+
+    def _gather_ended(self, memory: LearnerMemory, *, unfinished: bool = False) -> None:
         try:
-            self._gather(memory, unfinished=False)
+            self._gather(memory, unfinished=unfinished)
         except USER_ERRORS as error:
             self._refuse(str(error))
             return
-        self._again = self._config.learn_on == "episode" and memory.unlearned
+        self._again = self._node.config.learn_on == "episode" and memory.unlearned
 
     def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> TimedDecisions:
         decisions = memory.gather(unfinished=unfinished)
@@ -210,7 +272,7 @@ class Learning(Activity):
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
         try:
             if self._memory is not None:
-                require_enough(self._gather(self._memory, unfinished=True), self._config)
+                require_enough(self._gather(self._memory, unfinished=True), self._node.config)
         except USER_ERRORS as error:
             self._refuse(str(error))
             raise NodeError(f"not learned: {error}") from None
@@ -223,18 +285,22 @@ class Learning(Activity):
         self._begun_s = self._node.wall_s()
         memory = self._memory
         if memory is None:
-            self._worker.begin(lambda report: learn(self._task, self._read(), self._config, report))
+            self._worker.begin(
+                lambda report: learn(self._task, self._read(), self._node.config, report)
+            )
             return
         decisions, warm = memory.decisions, None if anew else memory.warm_weights
         if decisions is None:
             self._refuse("no episode has ended yet; demonstrate, then call again")
             return
-        self._worker.begin(lambda report: learn(self._task, decisions, self._config, report, warm))
+        self._worker.begin(
+            lambda report: learn(self._task, decisions, self._node.config, report, warm)
+        )
 
     def _read(self) -> TimedDecisions:
-        config, place = self._config, self._place
+        config, place = self._node.config, self._place
         decisions, report = demonstrations_of_bag(
-            config.bag, place.grid, place.patience_s, place.wait_s
+            config.bag, place.grid, place.patience_s, place.wait_s, self._mapping_with_goal
         )
         text = f"{len(decisions)} decisions from {config.bag}: {report}"
         self._node.get_logger().info(text)
@@ -242,9 +308,16 @@ class Learning(Activity):
         self._save_decisions(decisions)
         return decisions
 
+    @property
+    def _mapping_with_goal(self) -> BagMapping | None:
+        scenario = self._place.scenario
+        if self._mapping is None or scenario is None:
+            return self._mapping
+        return self._mapping.with_goal(scenario.goal_area_m)
+
     def _save_decisions(self, decisions: TimedDecisions) -> None:
-        if self._config.decisions:
-            save_learnable(Path(self._config.decisions), self._place, decisions)
+        if self._node.config.decisions:
+            save_learnable(Path(self._node.config.decisions), self._place, decisions)
 
     def _show(self, progress: FitProgress) -> None:
         step, wall_s = progress.step, self._node.wall_s()
@@ -269,7 +342,7 @@ class Learning(Activity):
         write_progress(Progress(text=text, done=progress.number - 1))
 
     def _conclude(self, outcome: FitOutcome) -> None:
-        save_outcome(Path(self._config.output), outcome, self._task.problem.grid)
+        save_outcome(Path(self._node.config.output), outcome, self._task.problem.grid)
         self._refusal = ""
         self._models.publish(String(data=model_yaml(outcome.model)))
         if self._memory is not None:
@@ -277,7 +350,7 @@ class Learning(Activity):
         self._node.get_logger().info(outcome.summary())
         if outcome.traps.n_looping_cells:
             self._node.get_logger().warning(outcome.traps.sentence())
-        values = {**outcome.values(), "model": self._config.output}
+        values = {**outcome.values(), "model": self._node.config.output}
         level = OK if outcome.fit.converged else WARN
         self._node.report(0.0, values, level=level, message=outcome.fit.message)
         if self._memory is None:
@@ -290,4 +363,4 @@ class Learning(Activity):
             return
         self._refusal = reason
         self._node.get_logger().warning(f"not learned: {reason}")
-        self._node.report(0.0, {"model": self._config.output}, level=WARN, message=reason)
+        self._node.report(0.0, {"model": self._node.config.output}, level=WARN, message=reason)

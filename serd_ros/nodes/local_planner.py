@@ -38,7 +38,9 @@ class LocalPlannerConfig(PlannerSettings, StackConfig, ObservationConfig, Manage
 
     scenario: str = setting_of(EpisodeSettings, "scenario")
     lockstep: bool = setting_of(StackConfig, "lockstep", description="answer each stamp once")
-    input_timeout_s: float = setting(0.5, "stop without observations", unit="s", gt=0, le=0.5)
+    input_timeout_s: float = setting(
+        0.5, "stop without observations", unit="s", live="any", gt=0, le=0.5
+    )
 
     @classmethod
     def defaults(cls, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -62,26 +64,39 @@ class LocalPlannerNode(SerdNode[LocalPlannerConfig]):
 
     config_class = LocalPlannerConfig
 
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        self.planner: RecoveringPlanner | None = None
+
     def configure(self) -> Activate:
         """Load the scenario and make the planner."""
         scenario = self.config.planned_scenario()
-        return partial(Planning, scenario, make_planner(scenario))
+        self.planner = make_planner(scenario)
+        return partial(Planning, scenario)
+
+    def check_change(self, config: LocalPlannerConfig) -> None:
+        """Refuse what no planner can be made with."""
+        config.planned_scenario()
+
+    def take_change(self, config: LocalPlannerConfig) -> None:
+        """Plan by the parameters that were set."""
+        if self.planner is not None:
+            self.planner = make_planner(config.planned_scenario())
 
 
 class Planning(Activity):
     """Converts, calls the planner's `step`, publishes `cmd_vel_raw`."""
 
-    def __init__(
-        self, scenario: Scenario, planner: RecoveringPlanner, endpoints: Endpoints
-    ) -> None:
+    def __init__(self, scenario: Scenario, endpoints: Endpoints) -> None:
         node = self._node = endpoints.node
         config = self._config = node.config
         self._scenario, self._cells = scenario, scenario.cells
-        self._planner = planner
         self._planner.reset()
         self._status = self._planner.status
         self._observation: Observation | None = None
         self._directive: tuple[int, Action | Waypoint] | None = None
+        #: Of the newest waypoint: at the robot's own place, live, where the robot is to turn to.
+        self._heading_rad: float | None = None
         self._followed, self._epochs = FollowedDirective(scenario), epochs_in(scenario)
         self._is_overdue = self._is_e_stopped = False
         self._waypoint: Waypoint | None = None
@@ -99,6 +114,11 @@ class Planning(Activity):
         if not config.lockstep:
             endpoints.subscribe(Bool, topics.E_STOP_ENGAGED, self._on_e_stop, qos.LATCHED)
             endpoints.every(scenario.control_period_s, self._stop_when_stale)
+
+    @property
+    def _planner(self) -> RecoveringPlanner:
+        """The node's, which another one replaces where parameters change."""
+        return self._node.planner
 
     def deactivate(self) -> None:
         """Leave the robot standing."""
@@ -118,10 +138,13 @@ class Planning(Activity):
         self._waypoint = None
 
     def _on_intent(self, message: Vector3Stamped) -> None:
+        self._heading_rad = None
         self._take_directive(*from_intent(message, self._node.frames))
 
     def _on_waypoint(self, message: PoseStamped) -> None:
-        self._take_directive(*from_waypoint_message(message, self._node.frames))
+        time_ns, waypoint, heading_rad = from_waypoint_message(message, self._node.frames)
+        self._heading_rad = None if self._config.lockstep else heading_rad
+        self._take_directive(time_ns, waypoint)
 
     def _take_directive(self, time_ns: int, directive: Action | Waypoint) -> None:
         self._directive = time_ns, directive
@@ -176,7 +199,7 @@ class Planning(Activity):
         silent_s, observation = self._node.wall_s() - self._heard_wall_s, self._observation
         if observation is None or not self._followed.is_given:
             return
-        if silent_s <= self._config.input_timeout_s:
+        if silent_s <= self._node.config.input_timeout_s:
             return
         text = f"no pose or people received for {silent_s:.1f} s: stopping"
         self._node.get_logger().warning(text, throttle_duration_sec=2.0)
@@ -195,6 +218,8 @@ class Planning(Activity):
     def _plan(self, observation: Observation) -> Command:
         """The planner's command; its status is published when it changes."""
         command = self._planner.step(observation, self._waypoint)
+        if self._waypoint is None and self._heading_rad is not None and self._followed.is_recent:
+            command = self._planner.turn(observation, self._heading_rad)
         if self._planner.status != self._status:
             self._status = self._planner.status
             level = OK if self._status is PlannerStatus.NONE else WARN

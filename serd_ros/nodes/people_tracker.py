@@ -68,6 +68,7 @@ class Tracking(Activity):
     def __init__(self, scenario: Scenario, endpoints: Endpoints) -> None:
         self._node, config = endpoints.node, endpoints.node.config
         self._people = LidarPeople(scenario, config.limits(scenario), config.wall_margin)
+        self._config, self._scenario = config, scenario
         self._fault: Fault | None = None
         self._publisher = endpoints.publisher(PointCloud2, topics.PEDESTRIANS, qos.STATE)
         follow_scans(endpoints, config, lambda _, scan: self._people.take_scan(scan))
@@ -77,6 +78,9 @@ class Tracking(Activity):
         )  # fmt: skip
 
     def _on_observation(self, observation: Observation) -> None:
+        if self._node.config is not self._config:
+            self._config = self._node.config
+            self._people.change(self._config.limits(self._scenario))
         seen = self._people.step(observation)
         if isinstance(seen, Fault):
             self._report_fault(seen, observation.time_s)

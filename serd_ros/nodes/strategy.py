@@ -1,10 +1,13 @@
 """strategy: drives by the learned policy with waypoints and measures times of arrival.
 
-The goal (topic `goal_pose`) and the model (its file, or the topic `model` of a learner in the same
-graph) may change at any time. Planning takes milliseconds, so callbacks plan directly.
+Goals come by the action `navigate_to_pose` or the topic `goal_pose`, and the model (its file, or
+the topic `model` of a learner in the same graph) may change at any time. In lock-step callbacks
+plan directly. Live, plans and laws of arrival are made in threads, for the newest goal alone; the
+present plan is driven meanwhile. A drive arrives in the cell of its goal; from there the robot goes
+on to the pose of the goal.
 """
 
-import array
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,23 +16,29 @@ from pathlib import Path
 import numpy as np
 from geometry_msgs.msg import PolygonStamped, PoseStamped
 from nav_msgs.msg import Path as PathMessage
-from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout, String
+from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from serd_app.navigation.navigator import ArrivalRecords, Navigator, plan_remarks
-from serd_app.navigation.settings import NavigationSettings
-from serd_core.arrival.law import ArrivalLaw
+from serd_app.navigation.approach import FinalApproach, GoalPose
+from serd_app.navigation.navigator import ArrivalRecords, Navigator, Wanted, plan_remarks
+from serd_app.navigation.newest_job import NewestJob
+from serd_app.navigation.settings import ApproachSettings, NavigationSettings
 from serd_core.grid.grid import Action
 from serd_files.errors import USER_ERRORS
 from serd_files.files import FileWatch
-from serd_files.model_file import ModelFile
+from serd_files.model_file import ModelFile, load_model
 from serd_files.settings import setting, setting_of
 from serd_files.table import EpisodeResult
 from serd_files.yaml_config import yaml_model
-from serd_ros.convert import motion
+from serd_ros.convert import motion, typed
 from serd_ros.convert.diagnostics import OK, WARN
+from serd_ros.endpoints import navigate_action as action
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.episode_runner import EpisodeRunner
+from serd_ros.endpoints.navigate_action import ActionGoal
+from serd_ros.endpoints.planning_services import PlanningServices, timed_path
+from serd_ros.endpoints.topic_types import TYPES
+from serd_ros.errors import MessageError
 from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
 from serd_ros.settings import DriverConfig, StackConfig
 from serd_sim.drivers.strategy import Strategy
@@ -40,9 +49,12 @@ from serd_sim.world.waypoint import REPEAT_PERIOD_S, Waypoint, heading_to, waypo
 
 _MODEL_CHECK_PERIOD_S = 1.0
 _FROM_LEARNER = "model of the learner"
+_ATTEND_PERIOD_S, _FEEDBACK_PERIOD_S = 0.02, 0.2
+#: The law of arrival may take seconds; what drives the robot goes before.
+_LAW_NICENESS = 10
 
 
-class StrategyConfig(NavigationSettings, DriverConfig):
+class StrategyConfig(ApproachSettings, NavigationSettings, DriverConfig):
     """Parameters of strategy."""
 
     lockstep: bool = setting_of(
@@ -52,6 +64,10 @@ class StrategyConfig(NavigationSettings, DriverConfig):
         True, "reset the world before each episode; false: a goal starts one where the robot is"
     )
     people: int = setting(-1, "forecast among so many people; -1: the scenario's", ge=-1)
+    action: str = setting(
+        topics.NAVIGATE_TO_POSE,
+        "without resets: name of the action server for goals, none when empty",
+    )
 
 
 class StrategyNode(SerdNode[StrategyConfig]):
@@ -59,14 +75,27 @@ class StrategyNode(SerdNode[StrategyConfig]):
 
     config_class = StrategyConfig
 
+    def __init__(self, kind: str) -> None:
+        super().__init__(kind)
+        name = "" if self.config.reset else self.config.action
+        self.server = action.navigate_to_pose_server(self, name, self.callbacks)
+        self._navigator: Navigator | None = None
+
     def configure(self) -> Activate:
         """Read the model and plan."""
         config, scenario = self.config, load_scenario(self.config.scenario)
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
-        navigator, file = Navigator(scenario, config), FileWatch(config.model)
+        navigator = Navigator(scenario, config, waits_for_law=not config.lockstep)
+        self._navigator = navigator
         records = ArrivalRecords(Path(config.output) if config.output else None)
+        file = FileWatch(config.model)
         return partial(Navigating, Plan(navigator, file, records, goal_waits=bool(config.goal)))
+
+    def take_change(self, config: StrategyConfig) -> None:
+        """Give up drives by the parameters that were set; goals are reached by them at once."""
+        if self._navigator is not None:
+            self._navigator.change(config)
 
 
 @dataclass
@@ -80,6 +109,19 @@ class Plan:
     results: list[EpisodeResult] = field(default_factory=list)
 
 
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """A goal; client: whose action it is, None of one from a topic."""
+
+    pose: GoalPose
+    client: ActionGoal | None = None
+
+    def end(self, how: action.Ending, reason: str = "", code: int = 0) -> None:
+        """Let the client know."""
+        if self.client is not None:
+            self.client.end(how, reason, code)
+
+
 class Navigating(Activity):
     """Steers by `waypoint`: straight ahead in the direction that the policy chooses."""
 
@@ -88,6 +130,18 @@ class Navigating(Activity):
         config = self._config = endpoints.node.config
         self._navigator, self._records = plan.navigator, plan.records
         self._waypoint: Waypoint | None = None
+        #: Of the last decision.
+        self._decided_at: Observation | None = None
+        #: The goal of the drive, and the one that is being planned for.
+        self._goal: Goal | None = None
+        self._asked: Goal | None = None
+        #: A goal in a frame that /tf has not had yet.
+        self._early: tuple[PoseStamped, ActionGoal | None] | None = None
+        self._approach: FinalApproach | None = None
+        self._plans, self._laws = NewestJob(), NewestJob(niceness=_LAW_NICENESS)
+        self._fed_back_wall_s = 0.0
+        #: The plan whose law is known or being computed.
+        self._law_of: Strategy | None = None
         self._waypoints = endpoints.publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._reporter = StrategyReporter(endpoints)
         scenario = plan.navigator.strategy.scenario
@@ -101,24 +155,43 @@ class Navigating(Activity):
         )  # fmt: skip
         if not config.lockstep:
             endpoints.every(REPEAT_PERIOD_S, self._repeat_waypoint)
+        endpoints.every(_ATTEND_PERIOD_S, self._attend)
         endpoints.subscribe(PoseStamped, topics.GOAL_POSE, self._on_goal, qos.COMMAND)
         endpoints.subscribe(String, topics.MODEL, self._on_model, qos.LATCHED)
         endpoints.every(_MODEL_CHECK_PERIOD_S, self._check_model_file)
+        PlanningServices(endpoints, plan.navigator, lambda: self.runner.observation)
+        if (server := endpoints.node.server) is not None:
+            server.taken = lambda goal: self._take_goal(goal.pose, goal)
         self._reporter.report_plan(self._navigator.strategy, "start", self._node.wall_s())
 
     def deactivate(self) -> None:
         """Discard the drive and its prediction; another one needs a goal anew."""
+        self.close()
         self.runner.discard()
         self._records.discard_prediction()
         self._plan.goal_waits = False
 
+    def close(self) -> None:
+        """Take no more goals and end those that are there."""
+        if self._node.server is not None:
+            self._node.server.taken = None
+        self._end_goals("abort", "the strategy ends")
+
     def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
+        self._begin_law()
         cells = self._navigator.strategy.scenario.cells
         self._waypoint = waypoint_of_intent(cells, observation, action)
         self._publish_waypoint(observation)
-        self._records.note_decision(self._navigator, observation)
-        self._reporter.report_decision(self._navigator, observation)
+        self._decided_at = observation
+        self._reporter.report_way(self._navigator, observation, self._goal_of_drive)
+        self._take_forecast()
+
+    def _take_forecast(self) -> None:
+        """Record and publish the forecast of the last decision, where there is one."""
+        if self._decided_at is not None and self._navigator.forecast is not None:
+            self._records.note_decision(self._navigator, self._decided_at)
+            self._reporter.report_decision(self._navigator, self._decided_at)
 
     def _publish_waypoint(self, observation: Observation) -> None:
         """To stand, the place of the robot is its waypoint."""
@@ -130,8 +203,29 @@ class Navigating(Activity):
 
     def _repeat_waypoint(self) -> None:
         """Publish the waypoint again with the newest stamp, so that silence means an end."""
-        if self.runner.driving and self.runner.observation is not None:
-            self._publish_waypoint(self.runner.observation)
+        observation = self.runner.observation
+        if observation is None:
+            return
+        if self.runner.driving:
+            self._publish_waypoint(observation)
+        elif self._approach is not None:
+            self._go_on(self._approach, observation)
+
+    def _go_on(self, approach: FinalApproach, observation: Observation) -> None:
+        """From the goal cell to the pose of the goal."""
+        step = approach.step(observation)
+        if step is None:
+            self._approach = None
+            self._publish_waypoint(observation)
+            if approach.failed:
+                self._reporter.report_give_up(approach.failed)
+            how: action.Ending = "abort" if approach.failed else "succeed"
+            self._end_goal(how, approach.failed, action.PATIENCE_EXCEEDED * bool(approach.failed))
+            return
+        waypoint, heading_rad = step
+        self._waypoints.publish(
+            motion.to_waypoint_message(waypoint, observation.time_s, heading_rad)
+        )
 
     def _start(self) -> EpisodeStart | None:
         """Without resets, drive to the waiting goal; the next goal begins an episode otherwise."""
@@ -144,65 +238,241 @@ class Navigating(Activity):
         return EpisodeStart(episode=number, seed=seed, start_area=ANYWHERE, start_s=start_s)
 
     def _on_end(self, result: EpisodeResult) -> None:
-        """Append prediction and measurement to the log of arrivals; the robot stands."""
+        """Append prediction and measurement to the log of arrivals; the robot stands or goes on."""
         self._records.note_result(result)
-        self._waypoint = None
-        if not self._config.lockstep and self.runner.observation is not None:
-            self._publish_waypoint(self.runner.observation)
+        self._waypoint = self._decided_at = None
         if result.reason:
             self._reporter.report_give_up(result.reason)
+        if not self._config.lockstep:
+            self._stand_or_approach(result)
+
+    def _stand_or_approach(self, result: EpisodeResult) -> None:
+        goal = self._goal_of_drive
+        if goal is not None and result.outcome == "arrived":
+            self._approach = FinalApproach(goal, self._node.config)
+            self._reporter.report_goal(goal)
+        elif result.outcome == "arrived":
+            self._end_goal("succeed")
+        else:
+            self._end_goal("abort", result.reason or result.outcome, action.PATIENCE_EXCEEDED)
+        if self.runner.observation is not None:
+            self._repeat_or_stand(self.runner.observation)
+
+    def _repeat_or_stand(self, observation: Observation) -> None:
+        if self._approach is not None:
+            self._go_on(self._approach, observation)
+        else:
+            self._publish_waypoint(observation)
+
+    @property
+    def _goal_of_drive(self) -> GoalPose | None:
+        """The pose to which the drive leads; None of a goal that is an area."""
+        return None if self._goal is None or self._config.reset else self._goal.pose
 
     def _on_new_session(self) -> None:
-        """Discard the prediction and a waiting goal."""
+        """Discard the prediction and the goals."""
         self._records.discard_prediction()
         self._reporter.time_s, self._plan.goal_waits = 0.0, False
+        self._end_goals("abort", "the clock fell back")
 
     def _on_goal(self, message: PoseStamped) -> None:
-        x_m, y_m = motion.from_goal_message(message, self._node.frames)
+        self._take_goal(message, None)
+
+    def _take_goal(self, message: PoseStamped, client: ActionGoal | None) -> None:
+        """Plan for a goal; one in a frame of a robot whose /tf has not come yet waits for it."""
+        self._drop_early("a newer goal came")
         try:
-            self._replan(lambda: self._navigator.set_goal(x_m, y_m), f"goal ({x_m:g}, {y_m:g})")
-            self._start_drive()
-        except USER_ERRORS as error:
+            pose = motion.from_goal_pose(message, self._node.frames)
+        except MessageError as error:
+            if message.header.frame_id and not self._node.frames.names:
+                self._early = message, client
+                self._node.get_logger().info(f"the goal waits for /tf: {error}")
+                return
+            if client is None:
+                raise
+            client.end("abort", str(error), action.TF_ERROR)
             self._reporter.report_rejection(error)
+            return
+        goal = Goal(pose, client)
+        self._ask(
+            lambda: self._navigator.want_goal(pose.x_m, pose.y_m),
+            f"goal ({pose.x_m:g}, {pose.y_m:g})",
+            goal,
+        )
+
+    def _drop_early(self, reason: str) -> None:
+        early, self._early = self._early, None
+        if early is not None and early[1] is not None:
+            early[1].end("abort", reason)
 
     def _check_model_file(self) -> None:
+        self._reporter.show_policy(self._navigator.strategy)
         path = self._config.model
         if self._plan.file.changed():
-            self._try(lambda: self._navigator.set_model(path), f"{path} read again")
+            self._ask(
+                lambda: self._navigator.want_model(load_model(path), path), f"{path} read again"
+            )
 
     def _on_model(self, message: String) -> None:
         """Use the model that a learner in the same graph has just learned."""
 
         def use() -> None:
             file = yaml_model(message.data, ModelFile, name=_FROM_LEARNER)
-            self._navigator.use_model(file, _FROM_LEARNER)
+            self._navigator.want_model(file, _FROM_LEARNER)
 
-        self._try(use, _FROM_LEARNER)
+        self._ask(use, _FROM_LEARNER)
 
-    def _try(self, change: Callable[[], None], what: str) -> None:
+    def _ask(self, want: Callable[[], None], what: str, goal: Goal | None = None) -> None:
+        """Plan for what is wanted from now on; goal: to which a drive leads then."""
         try:
-            self._replan(change, what)
+            want()
         except USER_ERRORS as error:
+            if goal is not None:
+                goal.end("abort", str(error), action.GOAL_OUTSIDE_MAP)
             self._reporter.report_rejection(error)
+            return
+        if goal is not None:
+            if self._asked is not None:
+                self._asked.end("abort", "a newer goal came")
+            self._asked = goal
+        wanted, began_s = self._navigator.wanted, self._node.wall_s()
 
-    def _replan(self, change: Callable[[], None], what: str) -> None:
-        began_s = self._node.wall_s()
-        change()
-        self._records.discard_prediction()
-        self.runner.set_scenario(self._navigator.strategy.scenario)
-        self._reporter.report_plan(self._navigator.strategy, what, began_s)
+        def planned() -> Planned:
+            return Planned(wanted, self._navigator.solve(wanted), what, began_s)
 
-    def _start_drive(self) -> None:
-        """Without resets, a goal begins an episode unless one is running."""
+        if not self._config.lockstep:
+            self._plans.begin(planned)
+            return
+        try:
+            self._take_plan(planned())
+        except USER_ERRORS as error:
+            self._refuse_plan(error)
+
+    def _attend(self) -> None:
+        """Take what threads have done, and look after the clients of goals."""
+        if self._early is not None and self._node.frames.names:
+            early, self._early = self._early, None
+            self._take_goal(*early)
+        found = self._plans.poll()
+        if isinstance(found, Planned):
+            self._take_plan(found)
+        elif isinstance(found, USER_ERRORS):
+            self._refuse_plan(found)
+        elif found is not None:
+            raise found
+        law = self._laws.poll()
+        if isinstance(law, Exception):
+            raise law
+        if law is not None and self.runner.driving and self._navigator.strategy.has_law:
+            self._navigator.complete_forecast()
+            self._take_forecast()
+        self._look_after_clients()
+
+    def _take_plan(self, planned: "Planned") -> None:
+        """Drive by a plan; where it is of a goal, the drive to it begins."""
+        is_new = planned.strategy is not self._navigator.strategy
+        self._navigator.use(planned.wanted, planned.strategy)
+        if is_new:
+            self._records.discard_prediction()
+            self.runner.set_scenario(planned.strategy.scenario)
+        self._reporter.report_plan(planned.strategy, planned.what, planned.began_s)
+        goal, self._asked = self._asked, None
+        if goal is not None:
+            self._begin_drive(goal)
+
+    def _begin_law(self) -> None:
+        """Compute the law of arrival of the plan that is driven, once."""
+        strategy = self._navigator.strategy
+        if strategy is not self._law_of and not self._config.lockstep:
+            self._law_of = strategy
+            self._laws.begin(lambda: strategy.arrival)
+
+    def _refuse_plan(self, error: Exception) -> None:
+        """The plan stays, for the goal that it is for."""
+        self._navigator.keep_plan()
+        if self._asked is not None:
+            self._asked.end("abort", str(error), action.NO_VALID_PATH)
+            self._asked = None
+        self._reporter.report_rejection(error)
+
+    def _begin_drive(self, goal: Goal) -> None:
+        """Without resets a goal begins an episode; one that is running leads to it then."""
+        self._end_goal("abort", "a newer goal came")
+        self._goal, self._approach = goal, None
         if self._config.reset or self.runner.driving:
             return
         self._plan.goal_waits = True
         if self.runner.ready:
             self.runner.next_episode()
 
+    def _end_goal(self, how: action.Ending, reason: str = "", code: int = 0) -> None:
+        goal, self._goal = self._goal, None
+        if goal is not None:
+            goal.end(how, reason, code)
+
+    def _end_goals(self, how: action.Ending, reason: str) -> None:
+        self._end_goal(how, reason)
+        self._drop_early(reason)
+        self._approach = None
+        if self._asked is not None:
+            self._asked.end(how, reason)
+            self._asked = None
+
+    def _look_after_clients(self) -> None:
+        asked, goal = self._asked, self._goal
+        if asked is not None and asked.client is not None and asked.client.is_cancelled:
+            self._plans.forget()
+            self._navigator.keep_plan()
+            self._asked = None
+            asked.end("canceled", "canceled by the client")
+        if self._early is not None and self._early[1] is not None and self._early[1].is_cancelled:
+            self._early[1].end("canceled", "canceled by the client")
+            self._early = None
+        if goal is None or goal.client is None:
+            return
+        if goal.client.is_cancelled:
+            self._cancel_drive()
+        elif self._node.wall_s() - self._fed_back_wall_s >= _FEEDBACK_PERIOD_S:
+            self._fed_back_wall_s = self._node.wall_s()
+            self._feed_back(goal.client)
+
+    def _cancel_drive(self) -> None:
+        """The robot stands where it is."""
+        self.runner.discard()
+        self._records.discard_prediction()
+        self._plan.goal_waits, self._approach, self._waypoint = False, None, None
+        if self.runner.observation is not None:
+            self._publish_waypoint(self.runner.observation)
+        self._end_goal("canceled", "canceled by the client")
+
+    def _feed_back(self, client: ActionGoal) -> None:
+        seen, forecast = self.runner.observation, self._navigator.forecast
+        if seen is None:
+            return
+        remaining_s = math.nan
+        if forecast is not None:
+            median_s = typed.quantiles_s(forecast.law, [0.5])[0]
+            remaining_s = median_s - (seen.time_s - forecast.time_s)
+        way_m = np.vstack([[seen.x_m, seen.y_m], self._navigator.way_m(seen)[1:]])
+        client.feed_back(
+            motion.to_pose_stamped((seen.x_m, seen.y_m, seen.yaw_rad), seen.time_s),
+            self._node.wall_s(),
+            remaining_s=remaining_s,
+            distance_m=float(np.hypot(*np.diff(way_m, axis=0).T).sum()),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Planned:
+    """A plan that was made; what: for its line in the log; began_s: wall time."""
+
+    wanted: Wanted
+    strategy: Strategy
+    what: str
+    began_s: float
+
 
 _LOG_PERIOD_S = 5.0
-_SMALLEST_STEP = 1e-3
 
 
 class StrategyReporter:
@@ -211,8 +481,12 @@ class StrategyReporter:
     def __init__(self, endpoints: Endpoints) -> None:
         self.time_s = 0.0
         self._node = endpoints.node
+        self._shown: Strategy | None = None
         self._goal = endpoints.publisher(PolygonStamped, topics.GOAL_AREA, qos.LATCHED)
-        self._arrival = endpoints.publisher(Float64MultiArray, topics.ARRIVAL, qos.LATCHED)
+        self._arrival, self._decision = (
+            endpoints.publisher(TYPES[topic].message, topic, qos.LATCHED)
+            for topic in (topics.ARRIVAL, topics.DECISION)
+        )
         self._way = endpoints.publisher(PathMessage, topics.PLAN, qos.COMMAND)
         self._arrows = endpoints.publisher(MarkerArray, topics.MARKERS_POLICY, qos.LATCHED)
         self._values = endpoints.publisher(MarkerArray, topics.MARKERS_VALUE, qos.LATCHED)
@@ -220,26 +494,61 @@ class StrategyReporter:
 
     def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
         """Publish a new plan and log its remarks; began_s: wall time when planning began."""
-        grid, policy = strategy.problem.grid, strategy.policy
-        centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
-        self._goal.publish(motion.to_goal_area_message(strategy.scenario.goal_area_m, time_s))
-        arrows = [Action(int(each)) for each in policy.greedy]
-        self._arrows.publish(motion.to_policy_markers(centers_m, arrows, size_m, time_s))
-        self._values.publish(motion.to_value_markers(centers_m, policy.value, size_m, time_s))
+        area_m = strategy.scenario.goal_area_m
+        self._goal.publish(motion.to_goal_area_message(area_m, self.time_s))
+        self.show_policy(strategy)
         took_ms = 1e3 * (self._node.wall_s() - began_s)
         self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
         for remark in plan_remarks(strategy):
             self._node.get_logger().warning(remark)
 
+    def show_policy(self, strategy: Strategy) -> None:
+        """Publish markers of a policy once, as soon as there are subscribers: a large map takes as
+        long as planning for it."""
+        watched = self._arrows.get_subscription_count() or self._values.get_subscription_count()
+        if strategy is self._shown or not watched:
+            return
+        self._shown = strategy
+        grid, policy = strategy.problem.grid, strategy.policy
+        centers_m, size_m, time_s = grid.centers_m, grid.cell_size_m, self.time_s
+        arrows = [Action(int(each)) for each in policy.greedy]
+        self._arrows.publish(motion.to_policy_markers(centers_m, arrows, size_m, time_s))
+        self._values.publish(motion.to_value_markers(centers_m, policy.value, size_m, time_s))
+
+    def report_way(
+        self, navigator: Navigator, observation: Observation, goal: GoalPose | None
+    ) -> None:
+        """Publish the way from here with predicted times; its last pose is that of the goal."""
+        self.time_s = observation.time_s
+        state = navigator.strategy.problem.grid.state_at(observation.x_m, observation.y_m)
+        if not self._way.get_subscription_count() or state < 0:
+            return
+        path = timed_path(navigator.strategy, state, self.time_s)
+        if goal is not None and navigator.strategy.leads_to_goal(state):
+            path.poses[-1].pose = motion.to_goal(goal, path.poses[-1].pose)
+        self._way.publish(path)
+
+    def report_goal(self, goal: GoalPose) -> None:
+        """Publish the way within the goal cell, which is the pose of the goal alone."""
+        path = motion.to_path(np.array([[goal.x_m, goal.y_m]]), self.time_s)
+        path.poses[0].pose = motion.to_goal(goal, path.poses[0].pose)
+        self._way.publish(path)
+
     def report_decision(self, navigator: Navigator, observation: Observation) -> None:
-        """Publish the forecast of the last decision; a drive that begins in its goal has none."""
+        """Publish the decision that was taken there, with its forecast."""
         forecast = navigator.forecast
         if forecast is None:
             return
-        self.time_s = forecast.time_s
-        self._arrival.publish(to_arrival_message(forecast.law, self.time_s))
-        if self._way.get_subscription_count():
-            self._way.publish(motion.to_path(navigator.way_m(observation), self.time_s))
+        area, left_s = navigator.strategy.scenario.goal_area_m, navigator.strategy.timeout_s
+        self._decision.publish(typed.to_decision(forecast))
+        self._arrival.publish(
+            typed.to_arrival_forecast(
+                forecast.law, forecast.time_s,
+                elapsed_s=forecast.elapsed_s,
+                goal_m=(sum(x for x, _ in area) / len(area), sum(y for _, y in area) / len(area)),
+                deadline_s=max(left_s - forecast.elapsed_s, 0.0),
+            )
+        )  # fmt: skip
         if self._text.get_subscription_count():
             place_m = observation.x_m, observation.y_m
             self._text.publish(motion.to_text_marker(forecast.summary, place_m, self.time_s))
@@ -250,13 +559,12 @@ class StrategyReporter:
                 throttle_duration_sec=_LOG_PERIOD_S,
             )
         values = {
-            **forecast.values(),
             "n_trap_states": len(navigator.strategy.traps.states),
             "n_least_time_states": int(navigator.strategy.by_time.sum()),
             "transferred": navigator.strategy.transferred,
         }
         level = WARN if forecast.needs_attention else OK
-        self._node.report(self.time_s, values, level=level, message=forecast.situation)
+        self._node.report(forecast.time_s, values, level=level, message=forecast.situation)
 
     def report_rejection(self, error: Exception) -> None:
         """Report a goal or a model that cannot be used."""
@@ -266,21 +574,3 @@ class StrategyReporter:
     def report_give_up(self, reason: str) -> None:
         """Report the end of a drive that did not arrive."""
         self._node.report(self.time_s, {"reason": reason}, level=WARN, message="gave up")
-
-
-def to_arrival_message(law: ArrivalLaw, now_s: float) -> Float64MultiArray:
-    """The law of the remaining time as seen at `now_s`, in steps of at least a thousandth.
-
-    Row 0: times (s) on the clock of the observations, the first one being now; row 1: predicted
-    probability of having arrived by then, given no arrival so far.
-    """
-    kept = [0]
-    for step in range(1, len(law.cdf)):
-        if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:
-            kept.append(step)
-    size = len(kept)
-    columns = MultiArrayDimension(label="time_s, probability", size=2, stride=2 * size)
-    steps = MultiArrayDimension(label="step", size=size, stride=size)
-    layout = MultiArrayLayout(dim=[columns, steps], data_offset=0)
-    rows = np.concatenate([law.times_s[kept] + now_s, law.cdf[kept]])
-    return Float64MultiArray(layout=layout, data=array.array("d", rows.tobytes()))

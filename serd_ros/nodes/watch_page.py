@@ -98,7 +98,7 @@ class PageView:
             if self._observation is not None:
                 self._waypoint = waypoint_of_intent(self._scenario.cells, self._observation, action)
         elif topic == topics.WAYPOINT:
-            _, self._waypoint = motion.from_waypoint_message(message)
+            _, self._waypoint, _ = motion.from_waypoint_message(message)
         elif topic == topics.DIAGNOSTICS:
             for name in _SHOWN:
                 if (values := values_of(message, name)) is not None:

@@ -14,7 +14,6 @@ from functools import wraps
 from typing import Any
 
 from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
 
 from serd_files.errors import USER_ERRORS
 from serd_ros.errors import MessageError
@@ -76,8 +75,10 @@ class CallbackGuard:
                 if not isinstance(error, USER_ERRORS):
                     self.note(service, callback, error)
                 refusal = type(response)()
-                if isinstance(refusal, Trigger.Response | SetBool.Response):
+                if hasattr(refusal, "success") and hasattr(refusal, "message"):
                     refusal.success, refusal.message = False, str(error)
+                elif isinstance(error, USER_ERRORS) and self._is_due(service):
+                    self._node.get_logger().warning(f"{service}: {error}")
                 return refusal
             finally:
                 self.after_each()

@@ -1,7 +1,7 @@
 """The entry point of every installed executable: it imports and runs the node of its name.
 
 `lib/serd_ros/hallway_sim` runs the node hallway_sim, and so does `python -m
-serd_ros.process.executable hallway_sim`."""
+serd_ros.process.executable hallway_sim`; with --help it prints the parameters."""
 
 import os
 import signal
@@ -15,6 +15,7 @@ from typing import NoReturn
 
 from serd_bag.nearest import hint
 from serd_files.errors import missing_extra
+from serd_files.settings import settings_of
 
 #: Exit code of a program that Ctrl-C ended, as shells have it.
 INTERRUPTED = 130
@@ -55,7 +56,7 @@ def run(executable: str) -> NoReturn:
     """Import the node, run it, end with its exit code; finalisation would compute for 0.25 s."""
     with starting():
         _open_closed_outputs()
-        from serd_ros.graph.graph import class_of, load_graph
+        from serd_ros.graph.graph import class_of, config_of, load_graph, module_of
         from serd_ros.process.run_node import run_node
 
         nodes = load_graph().nodes
@@ -69,6 +70,11 @@ def run(executable: str) -> NoReturn:
             if not (sentence := missing_extra(error)):
                 raise
             sys.exit(f"{executable}: {sentence}")
+        if {"-h", "--help"} & {*sys.argv[1:]}:
+            print(sys.modules[module_of(executable)].__doc__)
+            for each in settings_of(config_of(executable)):
+                print(f"  -p {each.name}:=...  {each.description}")
+            sys.exit()
     code = run_node(node)
     with suppress(OSError):  # who reads them may have ended
         sys.stdout.flush()

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from pydantic import ValidationError
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -31,6 +31,7 @@ from rclpy.task import Future
 from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from serd_files.errors import USER_ERRORS
 from serd_files.moved_names import where_or_near
 from serd_files.settings import settings_of
 from serd_files.yaml_config import sentence_of
@@ -83,11 +84,48 @@ class SerdNode(Node, Generic[Config]):
         self.endpoints.every(_LOOK_PERIOD_S, self._look_around)
         self.guard_services()
         self._guard_clock()
-        self.add_post_set_parameters_callback(lambda _: self._guard_clock())
+        self.add_on_set_parameters_callback(self._may_set)
+        self.add_post_set_parameters_callback(self._take_set)
 
     def configure(self) -> "Activate":
         """Read and check what a managed node needs; calling what it returns begins the work."""
         raise NotImplementedError
+
+    def check_change(self, config: Config) -> None:
+        """Raise a SerdError where the node may not go on with this config, which is valid."""
+
+    def take_change(self, config: Config) -> None:
+        """Go on with this config, which `check_change` has passed; `self.config` is it already."""
+
+    def _may_set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            self.check_change(self._changed(parameters))
+        except USER_ERRORS as error:
+            self.get_logger().warning(f"refused: {error}")
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_set(self, parameters: Sequence[Parameter]) -> None:
+        self._guard_clock()
+        before, self.config = self.config, self._changed(parameters)
+        for name in (each.name for each in parameters if each.name in type(before).model_fields):
+            was, now = getattr(before, name), getattr(self.config, name)
+            self.get_logger().info(f"{name} was {was}, is {now}")
+        if self.config != before:
+            self.take_change(self.config)
+
+    def _changed(self, parameters: Sequence[Parameter]) -> Config:
+        """The config with parameters that are set; NodeError where one is fixed, or wrong."""
+        live = {each.name: each.live for each in settings_of(type(self.config))}
+        given = {each.name: plain(each.value) for each in parameters if each.name in live}
+        for name in given:
+            if not live[name]:
+                raise NodeError(
+                    f"{name} is fixed while {self.kind} runs; end the node and start it with"
+                    f" -p {name}:=VALUE"
+                )
+        values = {name: plain(value) for name, value in self.config.model_dump().items()}
+        return validated(self.kind, values | given, type(self.config)) if given else self.config
 
     def finish(self, exit_code: int = 0) -> None:
         """Let the process end with this code once the running callback has returned."""
@@ -250,8 +288,16 @@ class Endpoints:
         success. No response is sent once its client or this service is gone (`run_node`).
         """
 
-        def respond(request: Any, response: Any) -> Any:
+        def respond(request: Any, response: Any) -> None:
             response.success, response.message = True, answer(request)
+
+        self.answer(kind, name, respond)
+
+    def answer(self, kind: Any, name: str, fill: Callable[[Any, Any], None]) -> None:
+        """Serve any type. fill: fills the response, which is the type's own where it raises."""
+
+        def respond(request: Any, response: Any) -> Any:
+            fill(request, response)
             return response
 
         node = self.node
@@ -360,7 +406,7 @@ ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
 def declare(node: Node, kind: str, config_class: type[Config]) -> Config:
-    """Declare each parameter of a node once, read-only; NodeError for a bad name or value."""
+    """Declare each parameter of a node once; NodeError for a bad name or value."""
     given = {
         each.name: plain(each.value)  # declared by automatically_declare_parameters_from_overrides
         for each in node.get_parameters_by_prefix("").values()
@@ -379,7 +425,10 @@ def declare(node: Node, kind: str, config_class: type[Config]) -> Config:
             each.name,
             value,
             ParameterDescriptor(
-                description=each.description, additional_constraints=each.range, read_only=True
+                description=each.description,
+                additional_constraints="; ".join(
+                    filter(None, (each.range, "" if each.live else "fixed while the node runs"))
+                ),
             ),
             ignore_override=True,
         )

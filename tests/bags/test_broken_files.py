@@ -39,8 +39,11 @@ def test_a_file_cut_anywhere_gives_the_first_messages_and_reports_damage(whole):
         found, damage = read(path, True)
         assert found == messages[: len(found)]
         assert damage
-        with pytest.raises(BagError, match=r"at byte \d+: .*recover"):
-            read(path, False)
+        if not all(each.is_harmless for each in damage):
+            with pytest.raises(BagError, match=r"at byte \d+: .*rescue"):
+                read(path, False)
+        else:  # of the summary alone
+            assert read(path, False)[0] == found == messages
         counts.append(len(found))
     assert counts == sorted(counts)
     assert counts[-1] == len(messages)
@@ -101,7 +104,8 @@ def test_no_bytes_at_all_crash_the_reader(tmp_path_factory, tail, head):
     ("name", "content", "message"),
     [
         ("file.mcap", b"", "the file is empty"),
-        ("file.mcap", b"SQLite format 3\0" * 10, "an MCAP file begins with"),
+        ("file.mcap", b"SQLite format 3\0" * 10, "not a database"),
+        ("file.mcap", b"SQLite format 2\0" * 10, "an MCAP file begins with"),
         ("file.mcap", MAGIC, "the recording was cut off here"),
         ("file.mcap", MAGIC + b"\0" * 1000, "no record begins with"),
         ("file.mcap", MAGIC + b"\xff" * 1000, "the file ends within a record"),

@@ -149,7 +149,8 @@ def test_a_table_that_is_computed_is_not_read(tmp_path, table):
 def test_a_message_that_unpacks_to_more_than_may_be_read_is_a_fault(tmp_path):
     path = tmp_path / "bomb.mcap"
     message = Message(1, 1, zeros(1 << 30), 1, 0)
-    path.write_bytes(BEGINNING + encoded(message))
+    channel = Channel(1, "/b", "cdr", {}, 0)
+    path.write_bytes(HEAD + encoded(channel) + encoded(message))
     check = check_bag(path)
     assert any("1 compressed messages cannot be unpacked" in each for each in check.faults)
     assert check.n_messages == 0

@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from serd_bag.command.rewrite import recover
 from serd_bag.errors import BagError
 from serd_bag.formats.mcap.chunks import CHUNK_PATTERN
 from serd_bag.formats.mcap.writer import McapWriter
-from serd_bag.health.check import check_bag, contents_of_bag
+from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
 from serd_bag.reader import BagReader
+from serd_bag.rescue.saving import rescue
 from serd_bag.writer import BagWriter
 from support.bag_messages import POSE
 from support.damaged_files import write_flipped
@@ -51,11 +52,11 @@ def test_losses_of_several_files_add_up_and_what_nothing_counts_is_not_known(
     for name, change in damage.items():
         change(split_bag / (name if name == "metadata.yaml" else f"split_{name}"))
     n_left = len(list(BagReader(split_bag, tolerant=True).messages()))
-    report = recover(split_bag, tmp_path / "new")
-    assert report.n_messages == n_left < 598
-    n_missing = 600 - n_left
-    assert report.n_lost == n_missing if all_known else 0 < report.n_lost < n_missing
-    assert report.all_lost_known == all_known
+    report = rescue(split_bag, tmp_path / "new")
+    assert report.n_messages - report.n_doubtful == n_left < 598
+    n_missing = 600 - report.n_messages
+    assert report.least_lost == n_missing if all_known else 0 <= report.least_lost < n_missing
+    assert report.most_lost == (600 - n_left if all_known else None)
 
 
 def test_each_topic_is_compared_with_the_statistics_of_an_mcap_file(small_bag, monkeypatch):
@@ -103,7 +104,7 @@ def test_no_wrong_count_or_list_of_metadata_hides_a_message(
     (folder / "metadata.yaml").write_text(text.replace(listed, wrong, 1))
     assert contents_of_bag(folder).n_messages == check_bag(folder).n_messages == 69
     assert not check_bag(folder).sound
-    report = recover(folder, tmp_path / "new")
+    report = rescue(folder, tmp_path / "new")
     assert (report.n_messages, bool(report.damage)) == (69, True)
-    with pytest.raises(BagError, match=f"{sentence}.*; repair it with 'serd bag recover'"):
+    with pytest.raises(BagError, match=f"{sentence}.*; save what it holds with 'serd-bag rescue'"):
         list(BagReader(folder).messages())

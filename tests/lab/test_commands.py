@@ -16,7 +16,9 @@ from serd_sim.crowd.social_force import model_names
 #: Words of a command and of the sentence by which it is refused.
 REFUSED = (
     ("hallwya", "no experiment or benchmark is named 'hallwya'; did you mean 'hallway'?"),
-    ("bench gradeint", "got 'gradeint'; did you mean 'gradient'?"),
+    ("benchmarks gradeint", "got 'gradeint'; did you mean 'gradient'?"),
+    ("bench --method serdd", "got 'serdd'; did you mean 'serd'?"),
+    ("bench --task hazards", "got 'hazards'; did you mean 'hazard'?"),
     ("rust", "--data must be given for rust: the folder of Rust's odometer files"),
     ("rust --data . --bins many", "n_bins must be an integer, "),
     ("gridworld --discount 1", "discount must be less than 1, got '1'"),
@@ -26,6 +28,11 @@ REFUSED = (
     ("hallway --config arival.yaml --output out", "did you mean 'arrival'"),
     ("robots --quick --output noted", "holds results of 'python -m lab priors"),
     ("faults --fault scan_nam --output faults.csv", "did you mean 'scan_nan'"),
+    ("faults --robot fsat --output f.csv", "did you mean 'fast'"),
+    ("faults --stack robot --output f.csv", "--stack and --guard belong to --robot"),
+    ("faults --robot fast --guard cmd_vel --output f.csv", "--guard must be written RAW:OUT"),
+    ("faults --robot fast --fault people_stop --output f.csv", "--fault must be one of scan_stops"),
+    ("faults --robot fast --stack nav2 --output f.csv", "--stack must be one of robot, robot_peo"),
     ("crowd --output crowd.jpg", "--output must end in .png, got crowd.jpg"),
     ("crowd --recording none.txt", "lab: cannot read none.txt: it does not exist"),
     ("crowd --output afile/x.png", "cannot write afile: a file of this name is in the way"),
@@ -45,7 +52,7 @@ def test_everything_is_listed_with_a_line_and_has_a_help(lab, root):
         shown = CliRunner().invoke(app_of(name), ["--help"])
         assert shown.exit_code == 0, shown.output
         # Runs of long work can be sent to other machines.
-        assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS, "faults"})
+        assert ("--jobs" in shown.output) == (name in {*STUDIES, *EXPERIMENTS, "faults", "bench"})
     defining = {
         ".".join(path.relative_to(root).with_suffix("").parts)
         for path in (root / "lab" / "benchmarks").rglob("*.py")

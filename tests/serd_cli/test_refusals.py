@@ -17,7 +17,7 @@ LEARN = "learn decisions.csv"
 REFUSED = (
     ("bga", "No such command 'bga'. Did you mean 'bag'?"),
     ("learn ''", "TABLE must name a file or folder, got an empty text; write . for"),
-    ("bag recover bag --output=", "--output must name a file or folder, got an empty text"),
+    ("bag rescue bag --output=", "--output must name a file or folder, got an empty text"),
     ("bag info nowhere", "cannot read nowhere: it does not exist"),
     ("bag convert bag --compression gzip", "'none', 'zstd'"),
     ("bag play bag --topic intnt", "did you mean '/intent'?"),
@@ -34,7 +34,7 @@ REFUSED = (
     (f"{DEMOS} --mapping m.yaml --output m.csv", "m.csv would overwrite m.yaml"),
     ("demos empty --scenario m.yaml --output m.csv", "--output must not overwrite what is read"),
     ("demos bag people.csv --cell-size-m 1 --mapping cm.yaml", "must be for bags or for tables"),
-    ("demos bag --scenario hallway --mapping wish.yaml", "'serd bag suggest bag' writes a mapping"),
+    ("demos bag --scenario hallway --mapping wish.yaml", "needs no mapping; run 'serd demos bag"),
     ("demos amcl --scenario hallway", "it holds no robot_pose but /amcl, /episode, /intent; "),
     ("demos far --scenario hallway", "no decision to learn from"),
     (f"{LEARN} --goal 0.5", "goal must be two numbers 'x, y' (m), got '0.5'"),

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from serd_bag.health.check import BagCheck, BagContents
+from serd_bag.health.check import BagCheck
+from serd_bag.health.contents import BagContents
+from serd_bag.rescue.certificate import Certificate
 
 
 def write_wrong(path: Path, content: bytes, place: int, wrong: bytes) -> None:
@@ -22,6 +24,8 @@ def wrong_numbers(content: bytes, starts: list[int], right: int, n_bytes: int = 
     return sorted({value % 256**n_bytes for value in values if value >= 0} - {right})
 
 
-def counts_of(found: BagCheck | BagContents) -> dict[str, int]:
+def counts_of(found: BagCheck | BagContents | Certificate) -> dict[str, int]:
     """Messages by topic."""
+    if isinstance(found, Certificate):
+        return {topic.name: topic.n_saved for topic in found.topics}
     return {topic.name: topic.n_messages for topic in found.topics}

@@ -16,8 +16,9 @@ from typing import Any
 
 from serd_ros.graph.graph import PACKAGE, load_graph, module_of
 from serd_ros.process import executable
-from support import standin_robot
 
+#: The command of the stand-in robot, before its options.
+STANDIN = [sys.executable, "-m", "lab.faults.standin"]
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
     ["serd_ros.process.run_node", *sorted({module_of(each) for each in load_graph().nodes})]
@@ -61,7 +62,7 @@ def is_node(command: Sequence[str]) -> bool:
 
 
 def _is_standin(command: Sequence[str]) -> bool:
-    return [*command[:2]] == [sys.executable, standin_robot.__file__]
+    return [*command[:3]] == STANDIN
 
 
 def _run(command: list[str], environment: dict[str, str], log: Path) -> None:
@@ -72,8 +73,8 @@ def _run(command: list[str], environment: dict[str, str], log: Path) -> None:
         os.dup2(descriptor, stream.fileno())
     os.close(descriptor)
     if _is_standin(command):
-        sys.argv = command[1:]
-        importlib.import_module(standin_robot.__name__).main()
+        sys.argv = command[2:]
+        importlib.import_module(STANDIN[2]).main()
         return
     sys.argv = command
     executable.main()

@@ -3,7 +3,8 @@
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from serd_bag.formats.rosbag2.message_types import ADDED, MessageType
+from serd_bag.formats.rosbag2.message_types import ADDED
+from serd_bag.topic import MessageType
 from support.bag_messages import filled
 
 CLOUD = "sensor_msgs/msg/PointCloud2"

@@ -3,7 +3,6 @@
 import contextlib
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,9 +18,8 @@ from serd_cli.processes.workspace import stack_processes
 from serd_ros.convert.motion import to_pose_stamped
 from serd_ros.endpoints import qos
 from serd_ros.graph.graph import find_stack
-from support import standin_robot
 from support.changed_scenario import changed_scenario
-from support.node_processes import NodeProcess, is_node
+from support.node_processes import STANDIN, NodeProcess, is_node
 from support.nodes_in_process import other_participant
 from support.waiting import LOCKSTEP_TIMEOUT_S, PATIENCE_S, wait_until
 
@@ -58,7 +56,9 @@ class Nodes:
         """Start a node that has ended again, with the same command."""
         return self.start(self._commands[name], name)
 
-    def start_stack(self, stack: str, **given: object) -> dict[str, Process]:
+    def start_stack(
+        self, stack: str, *, namespace: str = "", **given: object
+    ) -> dict[str, Process]:
         """Start every node of a stack; a parameter of one node is written node__parameter.
 
         A world in lock-step waits as long as a test for commands that a busy machine delays.
@@ -68,7 +68,7 @@ class Nodes:
         if "hallway_sim" in found.nodes:
             assignments.setdefault("lockstep_timeout_s", LOCKSTEP_TIMEOUT_S)
         environment = self._environment
-        processes = stack_processes(found, assignments, environment)
+        processes = stack_processes(found, assignments, environment, namespace)
         return {each.name: self.start(list(each.command), each.name) for each in processes}
 
     def log_of(self, name: str) -> str:
@@ -122,15 +122,21 @@ class Probe:
         return found
 
     def send_goal(self, x_m: float, y_m: float) -> None:
-        """Publish a goal once a node subscribes to it."""
+        """Publish a goal without a heading once a node subscribes to it."""
         self.spin_until(self._goals.get_subscription_count)
-        self._goals.publish(to_pose_stamped((x_m, y_m, 0.0), 0.0))
+        goal = to_pose_stamped((x_m, y_m, 0.0), 0.0)
+        goal.pose.orientation.w = 0.0
+        self._goals.publish(goal)
 
     def spin_until(
         self, condition: Callable[[], object], *, seen: Callable[[], object] = lambda: ""
     ) -> None:
         """Take messages until the condition holds; seen: as in `wait_until`."""
-        wait_until(condition, turn=lambda: self._executor.spin_once(timeout_sec=0.05), seen=seen)
+        wait_until(condition, turn=self.spin_once, seen=seen)
+
+    def spin_once(self) -> None:
+        """Take a message, or wait for one for a moment."""
+        self._executor.spin_once(timeout_sec=0.05)
 
     def spin_all(self) -> None:
         """Take all messages that wait, so that what is known is as new as possible."""
@@ -158,11 +164,10 @@ def quick_hallway(tmp_path: Path) -> str:
 
 @pytest.fixture
 def start_robot(nodes: Nodes) -> Callable[..., Process]:
-    """Starts the stand-in robot with these options."""
+    """Starts a stand-in robot of lab.faults.robots with these options."""
 
-    def start(*options: object) -> Process:
-        script = str(Path(standin_robot.__file__))
-        return nodes.start([sys.executable, script, *map(str, options)], "standin_robot")
+    def start(*options: object, robot: str = "spinning") -> Process:
+        return nodes.start([*STANDIN, robot, *map(str, options)], "standin_robot")
 
     return start
 

@@ -1,10 +1,12 @@
 """The recorder as a process: every message it has received is in the bag, whatever ends it."""
 
+import math
 import shlex
 import signal
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
@@ -13,13 +15,14 @@ from std_msgs.msg import String
 
 from serd_app.demonstrations.decision_table import save_decisions
 from serd_app.demonstrations.discretise import demonstrations_of_bag
+from serd_app.journeys.demonstrate import PlaceChoice, demonstrate
 from serd_app.learning.checkpoint import CheckpointFolder
 from serd_app.learning.learning_files import read_learning_files
-from serd_bag.command.rewrite import recover
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.formats.rosbag2.qos import profile_to_offer
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.reader import BagReader
+from serd_bag.rescue.saving import rescue
 from serd_bag.writer import BagWriter
 from serd_cli.processes.workspace import find_command, node_command
 from serd_files.model_file import ModelFile, load_model
@@ -30,6 +33,8 @@ from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import TF
+from support.damaged_files import counts_of
+from support.foreign_bags import START_S, ForeignBag, Robot
 from support.waiting import PATIENCE_S, ProcessorWait, wait_until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -121,7 +126,7 @@ def test_a_full_disk_is_reported_on_diagnostics_ends_the_node_and_keeps_the_bag(
     assert "cannot write" in problems()[0]
     n_kept = sum(1 for _ in BagReader(recording.bag, tolerant=True).messages({"/robot_pose"}))
     assert n_kept > 50
-    assert recover(recording.bag, tmp_path / "recovered").counts["/robot_pose"] == n_kept
+    assert counts_of(rescue(recording.bag, tmp_path / "recovered"))["/robot_pose"] == n_kept
 
 
 def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
@@ -191,7 +196,7 @@ def test_a_killed_recorder_has_lost_the_last_half_second_of_a_topic_at_most(reco
         if lost := sent[len(stamps_ns) :]:
             lost_s = (killed_ns - lost[0][1]) * 1e-9 - (waited_s - lost[0][2])
             assert lost_s <= MOST_LOST_S, topic
-    counts = recover(recording.bag, tmp_path / "recovered").counts
+    counts = counts_of(rescue(recording.bag, tmp_path / "recovered"))
     assert counts == {topic: len(stamps_ns) for topic, stamps_ns in recorded_ns.items()}
 
 
@@ -263,6 +268,57 @@ def test_a_learner_gets_from_a_replay_the_decisions_of_the_file(nodes, probe, ba
     assert load_model(model).fit.n_decisions == len(wanted) - 1
     # What `serd learn` reads of the table is beside it.
     assert read_learning_files(received, discount=0.9).scenario == HALLWAY
+
+
+MAPPING = """
+pose_topic: tf
+frame: map
+robot_frame: base_link
+action_from: velocity
+action_topic: cmd_vel
+hold_s: 0.5
+stop_s: 5.0
+"""
+
+
+@pytest.fixture
+def foreign_bag(messages, tmp_path):
+    """Of a robot that drives north in the hallway three times, by Twists, with a pose by /tf."""
+    found, commands = ForeignBag(messages), []
+    for begin_s in (1.0, 26.0, 51.0):
+        times_s = np.arange(begin_s, begin_s + 15.0, 0.1)
+        commands += [(at_s, 0.45, 0.05 * math.sin(0.8 * at_s)) for at_s in times_s]
+    time_s, x_m, y_m, yaw_rad, speed = Robot(hold_s=0.5).drive(commands, 75.0).T
+    track = np.column_stack([time_s, 2.5 - y_m, 1.3 + x_m, yaw_rad + math.pi / 2, speed])
+    found.add_tf("/tf", track, "odom", "base_link", every=4)
+    for at_s in np.arange(0.0, 75.0, 0.5):
+        data = messages.transform(START_S + at_s, "map", "odom", 0.01 * math.sin(at_s), 0.0, 0.0)
+        found.add("/tf", TF, at_s + 0.002, data)
+    found.add_commands("/cmd_vel", commands)
+    return found.write(tmp_path / "laps")
+
+
+def test_a_learner_of_another_robot_gets_the_decisions_of_serd_demos(
+    nodes, probe, foreign_bag, tmp_path
+):
+    """Live, from topics that a mapping names: pose by /tf, commands without stamps, stops."""
+    mapping, received = tmp_path / "mapping.yaml", tmp_path / "received.csv"
+    mapping.write_text(MAPPING)
+    offline = tmp_path / "offline.csv"
+    found = demonstrate([foreign_bag], offline, PlaceChoice("hallway"), mapping=mapping).found
+    assert len(found[0].recording.drives[0].episodes) == 3
+    learner = nodes.start_stack(
+        "replay_and_learn",
+        bag=str(foreign_bag),
+        mapping=str(mapping),
+        bag_replay__rate=40.0,
+        learner__output=str(tmp_path / "model.yaml"),
+        learner__decisions=str(received),
+        learner__minimum_decisions=10,
+    )["learner"]
+    probe.spin_until(lambda: learner.poll() is not None, seen=lambda: nodes.log_of("learner"))
+    assert learner.returncode == 0, nodes.log_of("learner")
+    assert table_without_source(received) == table_without_source(offline)
 
 
 def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(

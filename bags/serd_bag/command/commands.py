@@ -3,28 +3,28 @@
 Each returns its exit code, of several bags the highest.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from serd_bag.command.rewrite import RewriteReport, convert, recover
 from serd_bag.errors import BagError
-from serd_bag.formats.mcap.writer import Compression
-from serd_bag.formats.rosbag2.layout import storage_name
-from serd_bag.health.check import BagCheck, BagContents, check_bag, contents_of_bag
 from serd_bag.quantities import counted, seconds_in_words
+
+if TYPE_CHECKING:
+    from serd_bag.command.rewrite import RewriteReport
+    from serd_bag.formats.mcap.writer import Compression
+    from serd_bag.health.check import BagCheck
+    from serd_bag.health.contents import BagContents
+    from serd_bag.rescue.certificate import Certificate
 
 #: Longer ones are those of another clock, of which digits after the point state nothing.
 _LONG_DELAY_S = 100.0
 #: Exit codes, of which EXIT_CODES has the meaning.
-COMPLETE, INCOMPLETE, BAD_INPUT, NOTHING = range(4)
+COMPLETE, INCOMPLETE, BAD_INPUT = range(3)
 EXIT_CODES = (
-    "exit codes: 0 complete, no message is known to be missing; 1 a bag is not sound or whole:"
-    " messages are known to be lost or were left out, check found a fault, or info read a damaged"
-    " bag without any message; 2 bad arguments or input, as a damaged bag for convert; 3 recover"
-    " found no message in a damaged bag"
+    "exit codes: 0 nothing is missing; 1 a bag is not sound or whole: messages are lost or may be,"
+    " check found a fault, or diff a difference; 2 bad arguments, or nothing that can be read"
 )
 #: A sentence below a table and how it is to be shown.
 Line = tuple[Literal["good", "notable", "bad"], str]
@@ -62,42 +62,118 @@ class Screen(Protocol):
         """The result for one bag."""
 
 
-def show_contents(bags: Sequence[Path], screen: Screen) -> int:
+def show_contents(bags: Sequence[Path], screen: Screen, *, sizes: bool = False) -> int:
     """`info`: show what bags hold."""
-    return _shown((_contents_page(contents_of_bag(bag)) for bag in bags), screen)
+    from serd_bag.health.contents import contents_of_bag
+
+    found = (contents_of_bag(bag, sizes=sizes) for bag in bags)
+    return _shown(map(_contents_page, found), screen)
 
 
 def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:
     """`check`: read bags completely and list their faults."""
+    from serd_bag.health.check import check_bag
+
     return _shown((_check_page(check_bag(bag, required)) for bag in bags), screen)
 
 
-def recover_bags(bags: Sequence[Path], output: Path | None, screen: Screen) -> int:
-    """`recover`: write the readable messages of damaged bags as new bags."""
-    return _rewritten(bags, output, "recovered", recover, screen)
+def rescue_bags(
+    bags: Sequence[Path], output: Path | None, screen: Screen, *, doubtful: bool = True
+) -> int:
+    """`rescue`: save what broken recordings hold as new bags."""
+    from serd_bag.rescue.saving import rescue
+
+    _require_one(bags, output)
+    found = (rescue(bag, output or beside(bag, "rescued"), doubtful=doubtful) for bag in bags)
+    return _shown(map(_rescue_page, found), screen)
 
 
 def convert_bags(
-    bags: Sequence[Path], output: Path | None, compression: Compression, screen: Screen
+    bags: Sequence[Path], output: Path | None, compression: "Compression", screen: Screen
 ) -> int:
-    """`convert`: write sound bags as MCAP."""
-    return _rewritten(bags, output, "mcap", partial(convert, compression=compression), screen)
+    """`convert`: write sound bags as MCAP of ROS 2."""
+    from serd_bag.command.rewrite import convert
+
+    _require_one(bags, output)
+    found = (convert(bag, output or beside(bag, "mcap"), compression=compression) for bag in bags)
+    return _shown(map(_rewrite_page, found), screen)
 
 
-def _rewritten(
-    bags: Sequence[Path],
-    output: Path | None,
-    ending: str,
-    rewrite: Callable[[Path, Path], RewriteReport],
-    screen: Screen,
-) -> int:
+def cut_bags(given: Any, screen: Screen) -> int:
+    """`cut` and `merge`: write selected messages of bags as one new bag."""
+    from serd_bag.verbs.cut import Selection, cut
+
+    if given.command == "cut" and len(given.bags) > 1:
+        raise BagError(f"cut must have one BAG, got {len(given.bags)}; merge takes several")
+    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
+    report = cut(
+        given.bags,
+        given.output or beside(given.bags[0], "cut" if given.command == "cut" else "merged"),
+        selection,
+        split_bytes=None if given.split_mb is None else round(given.split_mb * 1e6),
+        sort=given.sort,
+        compression=given.compression,
+    )
+    return _shown([_rewrite_page(report)], screen)
+
+
+def print_messages(given: Any) -> int:
+    """`cat`: print messages as JSON lines or CSV."""
+    from serd_bag.reader import BagReader
+    from serd_bag.verbs.cut import Selection
+    from serd_bag.verbs.text import csv_lines, json_lines
+
+    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
+    reader = BagReader(given.bags[0])
+    columns = given.columns and given.columns.split(",")
+    lines = csv_lines(reader, selection, columns) if columns else json_lines(reader, selection)
+    for line in lines:
+        print(line)
+    return COMPLETE
+
+
+def show_difference(first: Path, second: Path, screen: Screen) -> int:
+    """`diff`: show how two bags differ."""
+    from serd_bag.verbs.difference import difference
+
+    topics = [topic for topic in difference(first, second) if not topic.is_same]
+    rows = [
+        (
+            *(topic.name, str(topic.n_same), str(topic.n_only_first), str(topic.n_only_second)),
+            "-" if topic.first_s is None else f"{topic.first_s:.3f}",
+            ", ".join(topic.others),
+        )
+        for topic in topics
+    ]
+    columns = ("topic", "same", "only\nfirst", "only\nsecond", "from\n[s]", "also")
+    verdict = f"{counted(len(topics), 'topic')} differ" if topics else "no difference"
+    values = {"first": first, "second": second, "topics": [asdict(topic) for topic in topics]}
+    code = INCOMPLETE if topics else COMPLETE
+    page = Page(f"{first} and {second}: {verdict}", columns, rows, values, code, texts=(0, 5))
+    return _shown([page], screen)
+
+
+def reindex_bags(bags: Sequence[Path], screen: Screen) -> int:
+    """`reindex`: write summaries and metadata.yaml anew."""
+    from serd_bag.verbs.reindex import reindex
+
+    def page(bag: Path) -> Page:
+        n_messages = reindex(bag)
+        heading = f"{bag}: {counted(n_messages, 'message')}"
+        return Page(heading, (), [], {"path": bag, "n_messages": n_messages}, COMPLETE)
+
+    return _shown(map(page, bags), screen)
+
+
+def _require_one(bags: Sequence[Path], output: Path | None) -> None:
     if output is not None and len(bags) > 1:
         raise BagError(f"--output must be left out for several bags, got {output}; run each")
-    reports = (rewrite(bag, output or _beside(bag, ending)) for bag in bags)
-    return _shown(map(_rewrite_page, reports), screen)
 
 
-def _beside(bag: Path, ending: str) -> Path:
+def beside(bag: Path, ending: str) -> Path:
+    """The folder of a new bag that is made of a bag."""
+    from serd_bag.formats.rosbag2.layout import storage_name
+
     whole = bag.resolve()
     name = Path(storage_name(whole)).stem if whole.is_file() else whole.name
     return whole.with_name(f"{name}_{ending}")
@@ -116,16 +192,21 @@ def _shown(pages: Iterable[Page], screen: Screen) -> int:
     return max(codes)
 
 
-def _contents_page(found: BagContents) -> Page:
-    """A row per topic: type, messages and rate."""
-    rows = [
+def _contents_page(found: "BagContents") -> Page:
+    """A row per topic: type, messages, rate and, where they are known, bytes."""
+    rows: list[tuple[str, ...]] = [
         (topic.name, topic.type_name, str(topic.n_messages), _rate(topic.mean_hz))
         for topic in found.topics
     ]
+    columns: tuple[str, ...] = ("topic", "type", "messages", "mean\nHz")
+    sizes = [topic.n_bytes for topic in found.topics if topic.n_bytes is not None]
+    if sizes:
+        columns = (*columns, "bytes")
+        rows = [(*row, str(size)) for row, size in zip(rows, sizes, strict=True)]
     is_whole = not found.faults or (found.n_messages and not found.n_lost)
     return Page(
         _heading(found),
-        ("topic", "type", "messages", "mean\nHz"),
+        columns,
         rows,
         _values(found, "n_messages"),
         COMPLETE if is_whole else INCOMPLETE,
@@ -134,7 +215,7 @@ def _contents_page(found: BagContents) -> Page:
     )
 
 
-def _check_page(found: BagCheck) -> Page:
+def _check_page(found: "BagCheck") -> Page:
     """A row per topic: rates, gaps and the two clocks; then faults, remarks and a verdict."""
     columns = (
         *("topic", "messages", "mean\nHz", "usual\nHz"),
@@ -158,38 +239,50 @@ def _check_page(found: BagCheck) -> Page:
     return Page(_heading(found), columns, rows, values, code, lines=lines)
 
 
-def _rewrite_page(report: RewriteReport) -> Page:
-    """A row per topic of the new bag, and per topic left out with the reason; then the losses."""
-    left_out = f", {report.n_left_out} left out" if report.n_left_out else ""
-    messages = counted(report.n_messages, "message")
-    columns: tuple[str, ...] = ("topic", "messages")
-    rows: list[tuple[str, ...]] = [(name, str(n)) for name, n in sorted(report.counts.items())]
-    if report.skipped:
-        columns = (*columns, "left out because")
-        rows = [(*row, "") for row in rows]
-        rows += [
-            (name, f"0 of {report.left_out[name]}", reason)
-            for name, reason in sorted(report.skipped.items())
-        ]
-    lines: list[Line] = [("notable", f"damage: {damage}") for damage in report.damage]
-    if report.n_lost is None:
-        lines.append(("notable", "messages lost: unknown, the damaged bag has no count"))
-    elif report.damage:
-        at_least = "" if report.all_lost_known else "at least "
-        lines.append(("notable", f"messages lost: {at_least}{report.n_lost}"))
-    code = INCOMPLETE if report.n_lost or report.n_left_out else COMPLETE
+def _rewrite_page(report: "RewriteReport") -> Page:
+    """A row per topic of the new bag; then harmless faults of the old one."""
     return Page(
-        f"{report.source} -> {report.target}: {messages}{left_out}",
+        f"{report.source} -> {report.target}: {counted(report.n_messages, 'message')}",
+        ("topic", "messages"),
+        [(name, str(n)) for name, n in sorted(report.counts.items())],
+        _values(report, "n_messages"),
+        COMPLETE,
+        lines=[("notable", f"damage: {damage}") for damage in report.damage],
+    )
+
+
+def _rescue_page(found: "Certificate") -> Page:
+    """A row per topic with bounds of what was lost; then damage, bytes and the total."""
+    from serd_bag.rescue.certificate import lost_in_words
+
+    columns = ("topic", "saved", "doubtful", "lost", "longest\nloss [s]")
+    rows = [
+        (
+            *(topic.name, str(topic.n_saved), str(topic.n_doubtful)),
+            *(lost_in_words(topic), f"{topic.most_seconds_lost:.2f}"),
+        )
+        for topic in found.topics
+    ]
+    lines: list[Line] = [("notable", f"damage: {damage}") for damage in found.damage]
+    for file in found.files:
+        n_bytes = {state: file.n_bytes(state) for state in ("partly read", "lost", "not ours")}
+        parts = [f"{count} bytes {state}" for state, count in n_bytes.items() if count]
+        if parts:
+            lines.append(("notable", f"{file.path}: {', '.join(parts)}"))
+    lost = f"messages lost: {lost_in_words(found)}"
+    lines.append(("good" if found.is_complete else "bad", lost))
+    code = COMPLETE if found.is_complete else INCOMPLETE
+    return Page(
+        f"{found.source} -> {found.target}: {counted(found.n_messages, 'message')} saved",
         columns,
         rows,
-        _values(report, "n_messages", "n_left_out"),
-        code if report.n_messages + report.n_left_out or not report.damage else NOTHING,
-        texts=(0, 2),
+        found.values(),
+        BAD_INPUT if found.damage and not found.n_messages and code else code,
         lines=lines,
     )
 
 
-def _heading(found: BagCheck | BagContents) -> str:
+def _heading(found: "BagCheck | BagContents") -> str:
     n_filled = sum(topic.n_messages > 0 for topic in found.topics)
     if not n_filled:
         return f"{found.path}: no message"

@@ -1,9 +1,9 @@
 """What reading one file may cost, whatever it holds: no size that a file declares is trusted.
 
-Memory: a chunk, message or row larger than LARGEST_CONTENT is not read; at most three of that size
-are in memory at once. Time: what a file unpacks to, and its number of records, are bounded by its
-size, with ample room for real recordings. YAML of a bag may hold no references, which can repeat
-without end.
+Memory: chunks larger than LARGEST_CONTENT are read in parts, larger rows of SQLite whole; at most
+three contents of that size are in memory at once. Time: what a file unpacks to, and its number of
+records, are bounded by its size, with ample room for real recordings. YAML of a bag may hold no
+references, which can repeat without end.
 """
 
 from typing import Any
@@ -13,6 +13,9 @@ import yaml
 from serd_bag.errors import BagError
 
 LARGEST_CONTENT = 64 << 20
+#: A message that stands in a file as it is; one of a compressed chunk may be 64 MiB, and more where
+#: it is not this much larger than the packed chunk.
+LARGEST_MESSAGE, MOST_PACKED = 256 << 20, 30
 #: Of one schema, channel or statistics record, and of all definitions of a file.
 LARGEST_DEFINITION = 4 << 20
 MOST_DEFINITIONS = 32 << 20
@@ -23,6 +26,17 @@ MOST_FAULTS_OF_A_FILE = 12
 WRONG_TIMES = "messages have times outside of 0 to 2^63-1 ns"
 _LONGEST_YAML, _DEEPEST = 4 << 20, 20
 _Loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
+
+
+class _Dumper(yaml.CSafeDumper if yaml.__with_libyaml__ else yaml.SafeDumper):  # type: ignore[misc]
+    def ignore_aliases(self, data: object) -> bool:  # noqa: ARG002 (whatever it is)
+        return True
+
+
+def yaml_text(values: Any) -> str:
+    """YAML without references, keys in their order."""
+    text: str = yaml.dump(values, Dumper=_Dumper, sort_keys=False, default_flow_style=False)
+    return text
 
 
 def most_unpacked(file_size: int) -> int:

@@ -1,13 +1,13 @@
-"""Checks of a whole recording: damage, counts, gaps, clocks; and what a bag holds.
+"""Checks of a whole recording: damage, counts, gaps, clocks.
 
-The stamp of a message is that of the std_msgs/Header it begins with; its log time is when the
-recorder received it. Stamps that step back, jump or drift against the log times indicate two
-clocks. These are compared by delay = log time - stamp. A late message has a long delay; the least
-delay within a second changes only where a clock jumps or runs at another rate. (NTP filters clocks
-likewise: RFC 5905, section 10.) What a bag holds is known by the summaries at the ends of its
-files; only without them all is read.
+The stamp of a message is that of the std_msgs/Header it begins with, or of the first element of the
+array it begins with; its log time is when the recorder received it. Stamps that step back, jump or
+drift against the log times indicate two clocks. These are compared by delay = log time - stamp. A
+late message has a long delay; the least delay within a second changes only where a clock jumps or
+runs at another rate. (NTP filters clocks likewise: RFC 5905, section 10.)
 """
 
+import re
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -17,17 +17,14 @@ from pathlib import Path
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from serd_bag.damage import missing_messages
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
-from serd_bag.formats.mcap.file_end import FileEnd
-from serd_bag.formats.rosbag2.layout import bag_layout
-from serd_bag.formats.rosbag2.message_types import ENCODING, message_type
-from serd_bag.messages.plain import message_stamp_ns
+from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.messages.plain import CDR_HEAD, message_stamp_ns
 from serd_bag.messages.times import AGREEMENT_S, FloatArray
 from serd_bag.quantities import counted
 from serd_bag.reader import BagReader
-from serd_bag.topic import Topic, nearest_topic, topics_named
+from serd_bag.topic import ROS2MSG, Topic, nearest_topic, topics_named
 
 _SECOND_NS = 1_000_000_000
 #: A gap is this many times the usual distance of a topic's messages, and at least this long.
@@ -44,6 +41,7 @@ _CLEAR = 5.0
 _MOST_COMPARED = 1_000_000
 #: Characters of a definition in which its first field is sought.
 _LONGEST_BEGINNING = 20_000
+_HEADERS = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 _NO_CHECKSUMS = (
     "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd bag convert'"
     " adds checksums"
@@ -218,20 +216,22 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     """
     reader = BagReader(path, tolerant=True, thorough=True)
     times = {name: (array("q"), array("q")) for name in reader.topics}
-    stamped = {name: _has_header(topic) for name, topic in reader.topics.items()}
+    places = {name: _stamp_place(topic) for name, topic in reader.topics.items()}
     faults: list[str] = []
     further: Counter[str] = Counter()
-    n_compared = 0
+    n_compared = n_untimed = 0
     try:
         for message in reader.messages():
-            if n_compared == _MOST_COMPARED:
+            if n_compared == _MOST_COMPARED or message.log_time_ns >> 63:
                 further[message.topic] += 1
+                n_untimed += message.log_time_ns >> 63
                 continue
             n_compared += 1
             logs, stamps = times[message.topic]
             logs.append(message.log_time_ns)
-            if stamped[message.topic]:
-                stamps.append(_stamp_ns(message.data))
+            place = places[message.topic]
+            if place is not None:
+                stamps.append(_stamp_ns(message.data, place))
     except BagError as error:
         faults.append(str(error))
     faults += [each.sentence() for each in reader.damage]
@@ -239,12 +239,18 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     topics = tuple(check_topic(topic, *times[name], further[name]) for name, topic in known)
     faults += _missing(topics, required)
     remarks = _remarks(topics)
-    if further:
-        remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
+    remarks += _not_compared(n_untimed, n_compared)
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
     n_lost = reader.losses.n_messages
     return BagCheck(Path(path), topics, _at_most(faults), _at_most(remarks), n_lost)
+
+
+def _not_compared(n_untimed: int, n_compared: int) -> Iterator[str]:
+    if n_untimed:
+        yield f"{n_untimed} messages have log times below 0 or after 2^63-1 ns"
+    if n_compared == _MOST_COMPARED:
+        yield f"rates, gaps and clocks are those of the first {n_compared} messages"
 
 
 def _at_most(lines: list[str]) -> tuple[str, ...]:
@@ -309,89 +315,44 @@ def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
 
 
-def _has_header(topic: Topic) -> bool:
-    """Whether messages of the topic begin with a std_msgs/Header."""
+def _stamp_place(topic: Topic) -> int | None:
+    """Byte of a message at which its stamp is: that of a std_msgs/Header with which it begins, or
+    with which the first element of the array begins that it begins with, as in /tf."""
     definition = topic.message_type
     if not definition.text:
         try:
             definition = message_type(definition.name)
         except BagError:
-            return False
-    beginning = definition.text[:_LONGEST_BEGINNING]
-    fields = (line.split("#")[0].split() for line in beginning.splitlines())
-    first: list[str] = next((words for words in fields if len(words) >= 2), [""])
-    headers = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
-    return definition.encoding == ENCODING and first[0] in headers
+            return None
+    if definition.encoding != ROS2MSG:
+        return None
+    own, *others = re.split(r"^=+\nMSG: (\S+)\n", definition.text[:_LONGEST_BEGINNING], flags=re.M)
+    kind = _first_kind(own)
+    if kind in _HEADERS:
+        return CDR_HEAD
+    is_array, element = kind.endswith("[]"), kind.removesuffix("[]").replace("/msg/", "/")
+    texts = {
+        name.replace("/msg/", "/"): text
+        for name, text in zip(others[::2], others[1::2], strict=True)
+    }
+    name = next((each for each in texts if each in (element, f"{_package(topic)}/{element}")), None)
+    return 2 * CDR_HEAD if is_array and name and _first_kind(texts[name]) in _HEADERS else None
 
 
-def _stamp_ns(data: bytes) -> int:
+def _package(topic: Topic) -> str:
+    return topic.type_name.partition("/")[0]
+
+
+def _first_kind(text: str) -> str:
+    """Type of the first field of a definition."""
+    fields = (line.split("#")[0].split() for line in text.splitlines())
+    return next((words[0] for words in fields if len(words) >= 2), "")
+
+
+def _stamp_ns(data: bytes, place: int) -> int:
+    if place > CDR_HEAD and not any(data[CDR_HEAD:place]):
+        return 0  # an array without elements
     try:
-        return message_stamp_ns(data)
+        return message_stamp_ns(data, place)
     except BagError:
         return 0
-
-
-@dataclass(frozen=True)
-class TopicContents:
-    """One topic of a bag; mean_hz: messages per second of the whole bag, None for less than two."""
-
-    name: str
-    type_name: str
-    n_messages: int
-    mean_hz: float | None
-
-
-@dataclass(frozen=True)
-class BagContents:
-    """The result of `contents_of_bag`.
-
-    span_s: from the first log time of the bag to the last; faults: of a bag that was read; n_lost:
-    messages that are known to be lost.
-    """
-
-    path: Path
-    topics: tuple[TopicContents, ...]
-    span_s: float
-    faults: tuple[str, ...] = ()
-    n_lost: int = 0
-
-    @property
-    def n_messages(self) -> int:
-        """Messages by the summaries, or those that are readable."""
-        return sum(topic.n_messages for topic in self.topics)
-
-
-def contents_of_bag(path: str | Path) -> BagContents:
-    """What a bag holds; bags other than MCAP, damaged ones and those without summary are read.
-
-    Raises BagError where there is no bag.
-    """
-    path = Path(path)
-    layout = bag_layout(path)
-    ends = [FileEnd(file) for file in layout.files if file.suffix == ".mcap"]
-    is_stated = len(ends) == len(layout.files) and all(end.states_contents for end in ends)
-    counts: Counter[str] = Counter()
-    types: dict[str, str] = {}
-    stated = [(end.definitions, end.statistics) for end in ends if is_stated and end.statistics]
-    for definitions, statistics in stated:
-        types |= {topic.name: topic.type_name for topic in definitions.topics()}
-        for number, count in statistics.channel_message_counts.items():
-            counts[definitions.channels[number].topic] += count
-    if not is_stated or layout.fault or missing_messages(layout, counts):
-        check = check_bag(path)
-        types = {topic.name: topic.type_name for topic in check.topics}
-        counts = Counter({topic.name: topic.n_messages for topic in check.topics})
-        span_s, faults, n_lost = check.span_s, check.faults, check.n_lost
-    else:
-        filled = [statistics for _, statistics in stated if statistics.message_count]
-        last_ns = max((each.message_end_time for each in filled), default=0)
-        first_ns = min((each.message_start_time for each in filled), default=0)
-        span_s, faults, n_lost = (last_ns - first_ns) / 1e9, (), 0
-    rows = (
-        TopicContents(
-            name, types[name], count, (count - 1) / span_s if count > 1 and span_s else None
-        )
-        for name in sorted(types)
-        for count in [counts[name]]
-    )
-    return BagContents(path, tuple(rows), span_s, faults, n_lost)

@@ -14,11 +14,11 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
-from serd_bag.formats.rosbag2.message_types import MessageType, resolve_type, typestore_of
+from serd_bag.formats.rosbag2.message_types import resolve_type, typestore_of
 from serd_bag.messages.plain import Header, decode, header_of
 from serd_bag.nearest import hint
 from serd_bag.reader import BagReader
-from serd_bag.topic import Topic, topics_named
+from serd_bag.topic import MessageType, Topic, topics_named
 
 _HEADER = "std_msgs/msg/Header"
 _DEEPEST = 6

@@ -13,9 +13,10 @@ from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_bag.messages.times import FloatArray
 
 _SECOND_NS = 1_000_000_000
-#: After the CDR header of 4 bytes: seconds and nanoseconds of a stamp.
+#: Bytes before the content of a message; then seconds and nanoseconds of a stamp.
+CDR_HEAD = 4
 _STAMPS = (struct.Struct(">iI"), struct.Struct("<iI"))
-_STAMP_START, _STAMP_END = 4, 12
+_STAMP_END = CDR_HEAD + 8
 _FRAME_LENGTH = struct.Struct("<I")
 _POSE = struct.Struct("<7d")
 #: NumPy kinds of the datatypes of a PointField.
@@ -62,13 +63,13 @@ def decode(data: bytes, type_name: str, store: Typestore | None = None) -> Any:
         ) from None
 
 
-def message_stamp_ns(data: bytes) -> int:
-    """The stamp (ns) of a message that begins with a header or a time."""
-    if len(data) < _STAMP_END:
+def message_stamp_ns(data: bytes, place: int = CDR_HEAD) -> int:
+    """The stamp (ns) of a message with a header or a time at a place, by default its beginning."""
+    if len(data) < place + 8:
         raise BagError(
-            f"message must have a stamp ({_STAMP_END} bytes), got {len(data)} bytes; drop it"
+            f"message must have a stamp ({place + 8} bytes), got {len(data)} bytes; drop it"
         )
-    second, nanosecond = _STAMPS[data[1] & 1].unpack_from(data, _STAMP_START)
+    second, nanosecond = _STAMPS[data[1] & 1].unpack_from(data, place)
     return int(second * _SECOND_NS + nanosecond)
 
 

@@ -19,6 +19,8 @@ from serd_sim.crowd.social_force import model_names
 PEOPLE, DENSITY_PM2, WIDTH_M, STEP_S = (30, 60, 200, 1000), 1.4, 4.0, 0.02
 SETTLE_STEPS, STEPS = 50, 200
 PEERS = ("CollisionFreeSpeedModel", "SocialForceModel")
+#: A public simulator of pedestrians.
+REQUIREMENTS = ("jupedsim==1.4.2",)
 
 
 def run() -> None:
@@ -34,7 +36,7 @@ def run() -> None:
                 width_m=WIDTH_M, radius_m=0.2, settle_steps=SETTLE_STEPS, steps=STEPS,
             )  # fmt: skip
             for model in PEERS:
-                run_peer("driving", "jupedsim_steps.py", file, result, model)
+                run_peer("jupedsim", REQUIREMENTS, "jupedsim_steps.py", file, result, model)
                 with np.load(result) as found:
                     step_ms = float(found["step_ms"])
                 rows.append({"model": f"JuPedSim {model}", "people": people, "step_ms": step_ms})

@@ -2,7 +2,7 @@
 
     python jupedsim_steps.py problem.npz result.npz MODEL
 
-Run in the environment of driving.txt. MODEL is the name of one of its classes.
+Run in an environment with JuPedSim. MODEL is the name of one of its classes.
 """
 
 import sys

@@ -1,16 +1,18 @@
 """The learners of the gridworld experiment, by the expert they are compared on."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 
+from lab.bench.given import counted_draws
 from lab.estimators.priors import EntropyPrior
 from serd_core.arrays import FloatArray
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.laplace import PosteriorDraws, laplace, laplace_draws
+from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions, start_distribution
 from serd_core.demonstrations.simulation import sample_decisions
 from serd_core.dynamics.estimation import estimate_dynamics
@@ -119,6 +121,16 @@ def _mdce_irl(given: LearnerInput) -> Estimate:
     )
 
 
+def _irl_same_prior(given: LearnerInput) -> Estimate:
+    """SERD's prior of rewards under counted dynamics, averaged over draws of both."""
+    problem, seen, rng = given.problem, given.decisions, given.rng.spawn(1)[0]
+    fit = fit_mdce_irl_by_likelihood(problem, seen, prior=PriorByEvidence())
+    draws = laplace_draws(laplace(problem, seen, fit), rng)
+    tables = counted_draws(problem, seen, fit, len(draws), rng)
+    drawn = replace(draws, outcome_probabilities=tables, believed_outcome_probabilities=tables)
+    return Estimate(fit.reward_weights, tables.mean(axis=0), None, fit.converged, drawn)
+
+
 def _relative_entropy(given: LearnerInput) -> Estimate:
     problem, seen, n_steps, rng = given.problem, given.decisions, given.n_steps, given.rng
     # As in section 4.6.2: dynamics by M-estimate, policy by smoothed behavioural cloning.
@@ -148,6 +160,7 @@ EXPERTS: dict[str, dict[str, Learner]] = {
         "MDCE SERD": _mdce_serd,
         "SERD, evidence": _serd_by_evidence,
         "SERD, averaged": _serd_averaged,
+        "IRL, same prior": _irl_same_prior,
     }
     | IRL_LEARNERS,
     "pm": {

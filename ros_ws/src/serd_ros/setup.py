@@ -64,6 +64,7 @@ setup(
     license='Apache-2.0',
     packages=[],
     zip_safe=False,
+    extras_require={'test': ['pytest']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),

@@ -83,7 +83,9 @@ def _arrival_layer(strategy: Strategy) -> dict[str, Any]:
     slowest_s = float(np.nanmax(median_s, initial=0.0))
     shares = median_s / max(slowest_s, 1.0)
     reasons = reasons_against_prediction(
-        n_demonstrations=strategy.file.fit.n_episodes, starts=starts_of(strategy, "train")
+        n_demonstrations=strategy.file.fit.n_episodes,
+        starts=starts_of(strategy, "train"),
+        checks=strategy.file.checks,
     )
     notes = ["×: fewer arrive before the time-out"] if np.isnan(median_s).any() else []
     if reasons:

@@ -1,8 +1,9 @@
 """The plan of a learned model in a scenario: policy, traps, predicted arrival and the way to go.
 
 The robot plans with the posterior mean of K = P E[gamma^tau], in which Bellman's equation is linear
-(docs/semi_markov.md). Where the learned policy is trapped it takes the way of least expected time
-(`serd_core.arrival.arriving_policy`). All that is predicted is of this policy.
+(docs/semi_markov.md), or with a quantile over its draws. Where the learned policy is trapped it
+takes the way of least expected time (`serd_core.arrival.arriving_policy`). All that is predicted is
+of this policy.
 
 A model that was learned on another grid transfers its reward weights by feature name and its local
 models by their names; they mean the same only for cells of the same size. Grid, flow, walls, goal,
@@ -18,13 +19,20 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.arrival.arriving_policy import ArrivingPolicy, Traps, arriving_policy
-from serd_core.arrival.chain import ArrivalByState, timed_arrival
+from serd_core.arrival.arriving_policy import (
+    TRAP_PROBABILITY,
+    ArrivingPolicy,
+    Traps,
+    arriving_policy,
+    likely_by_moments,
+)
+from serd_core.arrival.chain import ArrivalByState, arrival_moments, timed_arrival
 from serd_core.arrival.law import ArrivalLaw, steps_within
 from serd_core.bayes.laplace import averaged_policy
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import NO_FLOW, NavigationProblem, features_of_flow, with_dwell_times
+from serd_core.policies.pessimistic_policy import pessimistic_policy
 from serd_core.policies.solved_policy import Policy, optimal_policy, soft_policy
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelFile, Probabilities, load_model, require_grid
@@ -39,39 +47,60 @@ MOST_DRAWS = 12
 _OUTCOME_NAMES = tuple(outcome.name.lower() for outcome in Outcome)
 
 
-@dataclass(frozen=True, eq=False)
-class Strategy:
-    """A solved model on the grid of a scenario.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """The way to go by a learned policy, and its arrival.
 
-    scenario: its goal area is the one planned for. problem: its decisions take time. learned: the
-    policy of the learned rewards and dynamics in all states. draws: (n, N) of the dynamics, over
-    which predictions are averaged; the learned ones alone without a posterior. transferred: whether
-    the model was learned on another grid.
+    problem: its decisions take time. learned: the policy of the learned rewards and dynamics in all
+    states. draws: (n, N) of the dynamics, over which predictions are averaged; the learned ones
+    alone without a posterior.
     """
 
-    scenario: Scenario
     problem: NavigationProblem
     learned: Policy
-    file: ModelFile
     draws: FloatArray
     timeout_s: float
-    transferred: bool = False
     _arrivals: dict[Policy, tuple[ArrivalByState, ...]] = field(
         default_factory=dict, init=False, repr=False
     )
 
     @cached_property
     def driven(self) -> ArrivingPolicy:
-        """The policy to drive, with its arrival, and what is trapped."""
+        """The policy to drive, and what is trapped."""
         model = require_timed(self.problem.mdp.transitions)
         return arriving_policy(
             self.problem,
             self.learned,
             model.outcomes.local_probabilities(self.draws).mean(axis=0),
             np.mean([model.expected_seconds(each) for each in self.draws], axis=0),
-            lambda policy: ArrivalByState.average(self._arrival_of_draws(policy)),
-            self.n_steps,
+            self._likely,
         )
+
+    @cached_property
+    def mean_s(self) -> FloatArray:
+        """(S,) mean remaining time; that of the time until the time-out where none is certain."""
+        mean_s, _ = self._moments(self.policy)
+        if np.isfinite(mean_s).all():
+            return mean_s
+        return np.where(np.isfinite(mean_s), mean_s, STEP_S * self.arrival.mean_steps)
+
+    def _moments(self, policy: Policy) -> tuple[FloatArray, FloatArray]:
+        """(S,) mean and (S,) mean square of the remaining time over the draws."""
+        chains, chosen = self.draws[:MOST_DRAWS], policy.probabilities
+        moments = [arrival_moments(self.problem, chosen, each, STEP_S) for each in chains]
+        mean_s, square_s2 = np.mean(moments, axis=0)
+        return np.asarray(mean_s), np.asarray(square_s2)
+
+    def _likely(self, policy: Policy) -> BoolArray:
+        """(S,) where a policy arrives before the time-out; by the law where moments leave it open.
+
+        The law of a large map takes a hundred times as long.
+        """
+        found = likely_by_moments(*self._moments(policy), STEP_S * self.n_steps)
+        if found.all():
+            return found
+        law = ArrivalByState.average(self.arrival_of_draws(policy))
+        return np.asarray(law.within(self.n_steps) >= TRAP_PROBABILITY)
 
     @property
     def policy(self) -> Policy:
@@ -89,9 +118,14 @@ class Strategy:
         return self.driven.traps
 
     @property
+    def has_law(self) -> bool:
+        """Whether `arrival` is known; on a large map it takes seconds."""
+        return "arrival" in self.__dict__
+
+    @cached_property
     def arrival(self) -> ArrivalByState:
         """The remaining time from every state, up to the time-out, in steps of `STEP_S`."""
-        return self.driven.arrival
+        return ArrivalByState.average(self.arrival_of_draws(self.policy))
 
     @property
     def n_steps(self) -> int:
@@ -100,7 +134,7 @@ class Strategy:
 
     def law_from(self, start_distribution: FloatArray) -> ArrivalLaw:
         """Time of arrival (s) of an episode from (S,) start probabilities, up to the time-out."""
-        each = self._arrival_of_draws(self.policy)
+        each = self.arrival_of_draws(self.policy)
         cdf = np.stack([arrival.cdf @ start_distribution for arrival in each])
         ever = [arrival.arrival_probability @ start_distribution for arrival in each]
         return ArrivalLaw(self._times_s, cdf.mean(axis=0), float(np.mean(ever)), cdf)
@@ -114,7 +148,8 @@ class Strategy:
     def _times_s(self) -> FloatArray:
         return np.asarray(STEP_S * np.arange(self.n_steps + 1), dtype=np.float64)
 
-    def _arrival_of_draws(self, policy: Policy) -> tuple[ArrivalByState, ...]:
+    def arrival_of_draws(self, policy: Policy) -> tuple[ArrivalByState, ...]:
+        """The arrival by a policy from every state, for each of the first draws."""
         if policy not in self._arrivals:
             self._arrivals[policy] = tuple(
                 timed_arrival(self.problem, policy.probabilities, each, STEP_S, self.n_steps)
@@ -122,14 +157,37 @@ class Strategy:
             )
         return self._arrivals[policy]
 
-    def intended_path_m(self, state: int) -> FloatArray:
-        """(N, 2) centres of the cells of the greedy policy, up to the goal or a repetition."""
+    def intended_path(self, state: int) -> IntArray:
+        """(N,) the cells of the greedy policy from one on, up to the goal or a repetition."""
         grid, path = self.problem.grid, [state]
-        while True:
+        goals = set(self.problem.goal_states.tolist())
+        while path[-1] not in goals:
             following = int(grid.neighbours[path[-1], self.policy.greedy[path[-1]]])
             if following in path:
-                return np.asarray(grid.centers_m[path], dtype=np.float64)
+                break
             path.append(following)
+        return np.array(path)
+
+    def leads_to_goal(self, state: int) -> bool:
+        """Whether the intended path of a cell ends in the goal."""
+        return bool(np.isin(self.intended_path(state)[-1], self.problem.goal_states))
+
+    def intended_path_m(self, state: int) -> FloatArray:
+        """(N, 2) the centres of these cells."""
+        return np.asarray(self.problem.grid.centers_m[self.intended_path(state)], dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Strategy(Plan):
+    """A solved model on the grid of a scenario.
+
+    scenario: its goal area is the one planned for. transferred: whether the model was learned on
+    another grid.
+    """
+
+    scenario: Scenario
+    file: ModelFile
+    transferred: bool = False
 
 
 def load_strategy(
@@ -137,6 +195,7 @@ def load_strategy(
     scenario: Scenario,
     kind: str,
     *,
+    plan_quantile: float = 0.0,
     transfer: bool = False,
     timeout_s: float | None = None,
     file: ModelFile | None = None,
@@ -144,7 +203,8 @@ def load_strategy(
     """Solve the model of a file on the scenario's own problem; FileError where it cannot be used.
 
     kind: "optimal" for the hard Bellman optimum of the learned rewards and dynamics, "soft" for
-    the stochastic policy of the expert. transfer: whether to accept a model of another grid.
+    the stochastic policy of the expert. plan_quantile: of an optimal plan over the draws of the
+    posterior, 0 for their mean. transfer: whether to accept a model of another grid.
     timeout_s: the scenario's when None. file: the content of the file, read when None.
     """
     file = load_model(path) if file is None else file
@@ -161,7 +221,11 @@ def load_strategy(
     problem, own = problem_of_model(path, file, scenario, grid, transferred=transferred)
     draws = dynamics_of_draws(path, own, problem)
     tables = require_timed(problem.mdp.transitions).local_probabilities(draws)
-    policy = SOLVERS[kind](problem, own.weights, tables.mean(axis=0))
+    if plan_quantile:
+        _require_draws(path, kind, own)
+        policy = pessimistic_policy(problem, own.weights, tables, plan_quantile)
+    else:
+        policy = SOLVERS[kind](problem, own.weights, tables.mean(axis=0))
     if kind == "soft" and own.draws.learned:
         weights = np.array(own.draws.reward_weights)
         policy = replace(policy, probabilities=averaged_policy(problem, weights, tables))
@@ -176,6 +240,20 @@ def load_strategy(
     )
 
 
+def _require_draws(path: str, kind: str, file: ModelFile) -> None:
+    """FileError unless a plan by a quantile is one of rewards, over draws of a posterior."""
+    if kind != "optimal":
+        raise FileError(
+            f"plan_quantile must be 0 for the policy {kind!r}, the expert's, got more; choose"
+            " optimal"
+        )
+    if not file.draws.learned:
+        raise FileError(
+            f"{path}: plan_quantile needs draws of the posterior, but it has none; learn the model"
+            " by SERD with priors by evidence"
+        )
+
+
 def problem_of_model(
     path: str, file: ModelFile, scenario: Scenario, grid: Grid, *, transferred: bool = False
 ) -> tuple[NavigationProblem, ModelFile]:
@@ -186,9 +264,11 @@ def problem_of_model(
     """
     own_flow = None if transferred else file.flow_on(path, grid)
     flow = flow_of(scenario, grid) if own_flow is None else own_flow
-    known = model_in_flow(file, flow)
+    known, own = model_in_flow(file, flow), file.own_features
+    if transferred and own:
+        known, own = known.with_features([n for n in known.feature_names if n not in own]), {}
     try:
-        problem = navigation_problem_of(scenario, file.discount, known.feature_names, flow)
+        problem = navigation_problem_of(scenario, file.discount, known.feature_names, flow, own)
         pace = np.log(file.pace) if file.pace and not transferred else None
         timed = with_dwell_times(
             problem, patience_s=scenario.patience_s, wait_s=scenario.wait_s, log_pace=pace

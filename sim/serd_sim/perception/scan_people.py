@@ -239,6 +239,10 @@ class LidarPeople:
         self._taken_s: float | None = None
         self._received_s: float | None = None
 
+    def change(self, settings: GuardSettings) -> None:
+        """Go on with other limits of the scans."""
+        self._settings = self._monitor.settings = settings
+
     def take_scan(self, scan: Scan) -> None:
         """Take a scan; it waits for the next observation that is not older."""
         self._received_s = scan.stamp_s

@@ -234,15 +234,20 @@ class DwaPlanner:
             turn_first_s,
         )
         x_m, y_m = rollouts.x_m, rollouts.y_m
+        robot = self._robot
+        # The turn of a round robot sweeps over nothing else.
+        turns_s = robot.max_vel_theta_radps / robot.acc_lim_theta_radps2
         soon = before_stop(
             rollouts.speed_mps[:, -1],
-            self._robot,
+            robot,
             self._time_s,
-            slowest_mps=_SLOWEST_MPS,
-            reaction_s=REACTION_S + turn_first_s,
+            slowest_mps=_SLOWEST_MPS if robot.outline.is_round else -1.0,
+            reaction_s=REACTION_S + turn_first_s + (0.0 if robot.outline.is_round else turns_s),
         )
-        wall_cost, at_wall = self._costs.walls(x_m, y_m, around, soon.shape[1])
-        people_cost, at_person = self._costs.people(x_m, y_m, around, soon.shape[1])
+        wall_cost, at_wall = self._costs.walls(x_m, y_m, around, soon.shape[1], rollouts.yaw_rad)
+        people_cost, at_person = self._costs.people(
+            x_m, y_m, around, soon.shape[1], rollouts.yaw_rad
+        )
         hits: BoolArray = np.any((at_wall | at_person) & soon[:, None, :], axis=-1)
         cost = self._costs.progress(x_m, y_m, waypoint) + wall_cost + people_cost
         if turn_first_s == 0.0:

@@ -27,6 +27,8 @@ from serd_sim.world.waypoint import Waypoint
 #: A robot that stands nearer than this (m), and than this share of a cell, to its waypoint is never
 #: stuck.
 _AT_WAYPOINT_M, _AT_WAYPOINT_CELLS = 0.25, 0.25
+#: A robot that is to turn in place stands within this angle; rate (1/s) of a larger error.
+_ALIGNED_RAD, _TURNS_PER_RAD = 0.1, 2.0
 #: Where the space behind the robot is checked before and while it drives backward.
 _FREE_SPACE_BEHIND_M = 0.35
 
@@ -107,6 +109,15 @@ class RecoveringPlanner:
             return STOP
         return self._within_accelerations(observation, self._wanted(observation, waypoint))
 
+    def turn(self, observation: Observation, heading_rad: float) -> Command:
+        """The command that turns the robot in place to a heading; it stands once it has it."""
+        error_rad = math.remainder(heading_rad - observation.yaw_rad, math.tau)
+        if not observation.is_finite or abs(error_rad) < _ALIGNED_RAD:
+            return STOP
+        most_radps = min(self._settings.max_rotational_vel, self._limits.max_vel_theta_radps)
+        turn_radps = max(-most_radps, min(most_radps, _TURNS_PER_RAD * error_rad))
+        return self._within_accelerations(observation, Command(0.0, turn_radps))
+
     def _within_accelerations(self, observation: Observation, command: Command) -> Command:
         """The command as far as accelerations below those of the robot allow in one period."""
         robot, limits = self._robot, self._limits
@@ -174,7 +185,7 @@ class RecoveringPlanner:
         x_m = observation.x_m - _FREE_SPACE_BEHIND_M * math.cos(observation.yaw_rad)
         y_m = observation.y_m - _FREE_SPACE_BEHIND_M * math.sin(observation.yaw_rad)
         away = observation.people_position_m - np.array([x_m, y_m])
-        radius_m = self._robot.radius_m
+        radius_m = self._robot.outline.radius_m
         people_gap = np.hypot(away[:, 0], away[:, 1]) - radius_m - self._person_radius_m
         wall_gap = self._walls.at(np.array([x_m]), np.array([y_m]))[0] - radius_m
         return bool(wall_gap > 0.0 and (people_gap > 0.0).all())

@@ -53,6 +53,10 @@ def distance_to_nearest(x_m: FloatArray, y_m: FloatArray, people_m: FloatArray) 
 
 
 _NO_NEARER_M = 1e-3
+#: Heading of a robot whose heading does not matter.
+_ANY: FloatArray = np.zeros(1)
+#: Points along the outline of a robot that is not round are this far apart (m).
+_OUTLINE_STEP_M = 0.05
 #: Side (m) of a cell of the wall raster, where cells of the grid have 1 m.
 _RASTER_M = 0.05
 #: At least (about) so many raster cells would take more than a second to make.
@@ -93,8 +97,8 @@ class Surroundings:
 
     now_m: (K, 2, 1) where people are, later_m: (K, 2, T) where they are expected. nearest_m: (T,)
     smallest gap allowed to the latter; nearest_now_m: (1,) to the former. Below zero where a person
-    touches the robot. nearest_wall_m: distance from the centre of the robot that is allowed to
-    walls.
+    touches the robot. nearest_wall_m: distance from walls that is allowed to the centre of a round
+    robot, or to the outline of another.
     """
 
     now_m: FloatArray
@@ -113,10 +117,13 @@ class RolloutCosts:
         self.settings = settings
         self._time_s = time_s
         person_radius_m = model_named(scenario.pedestrians.model).body_radius_m
+        self._body, self._person_radius_m = scenario.robot.outline, person_radius_m
         self._reach_m = scenario.robot.radius_m + person_radius_m
+        self._outline_m = self._body.outline_m(_OUTLINE_STEP_M)
         scale = _wall_scale(scenario)
         self._walls = wall_distance_raster(scenario, scale * _RASTER_M)
-        self._least_wall_m = scenario.robot.radius_m + scale * settings.wall_margin_m
+        radius_m = self._body.radius_m if self._body.is_round else 0.0
+        self._least_wall_m = radius_m + scale * settings.wall_margin_m
         self._wall_decay_m = scale * settings.wall_decay_m
         self._foresight: FloatArray = np.exp(-time_s / settings.foresight_s)
 
@@ -138,10 +145,18 @@ class RolloutCosts:
         return cost
 
     def walls(
-        self, x_m: FloatArray, y_m: FloatArray, around: Surroundings, n_soon: int
+        self,
+        x_m: FloatArray,
+        y_m: FloatArray,
+        around: Surroundings,
+        n_soon: int,
+        yaw_rad: FloatArray = _ANY,
     ) -> tuple[FloatArray, BoolArray]:
-        """Nearness of walls (...), and where (..., n_soon) one is too close."""
-        away_m = self._walls.at(x_m, y_m)
+        """Nearness of walls (...), and where (..., n_soon) one is too close.
+
+        yaw_rad: headings at the points, which matter where the robot is not round.
+        """
+        away_m = self._wall_distance_m(x_m, y_m, yaw_rad)
         gap_m = away_m.min(axis=-1) - self._least_wall_m
         nearness = np.exp(-np.maximum(gap_m, 0.0) / self._wall_decay_m)
         return self.settings.wall_weight * nearness, away_m[..., :n_soon] < around.nearest_wall_m
@@ -153,43 +168,73 @@ class RolloutCosts:
         people_m = predict_nearby(
             observation, settings.people_range_m, settings.max_people, times_s
         )
-        here_x, here_y = np.array(observation.pose[:2])[:, None]
+        x_m, y_m, yaw_rad = np.array(observation.pose)[:, None]
         now_m, later_m = people_m[..., :1], people_m[..., 1:]
         standing_m, standing_now_m = (
-            self._gap_m(here_x, here_y, each) for each in (later_m, now_m)
+            self._gap_m(x_m, y_m, yaw_rad, each) for each in (later_m, now_m)
         )
         return Surroundings(
             now_m,
             later_m,
             np.minimum(settings.person_margin_m, standing_m - _NO_NEARER_M),
             np.minimum(settings.stopped_margin_m, standing_now_m - _NO_NEARER_M),
-            min(self._least_wall_m, float(self._walls.at(here_x, here_y)[0])),
+            min(self._least_wall_m, float(self._wall_distance_m(x_m, y_m, yaw_rad)[0])),
         )
 
     def people(
-        self, x_m: FloatArray, y_m: FloatArray, around: Surroundings, n_soon: int
+        self,
+        x_m: FloatArray,
+        y_m: FloatArray,
+        around: Surroundings,
+        n_soon: int,
+        yaw_rad: FloatArray = _ANY,
     ) -> tuple[FloatArray, BoolArray]:
         """Nearness of people (...), sooner counting more, and where (..., n_soon) one is too close.
 
         n_soon: how many of the first times a robot cannot stop before; later ones forbid nothing.
+        yaw_rad: as of `walls`.
         """
         if not len(around.now_m):
             shape = x_m.shape[:-1]
             return np.zeros(shape), np.zeros((*shape, n_soon), dtype=np.bool_)
         decay_m = self.settings.people_decay_m
-        gap_m = self._gap_m(x_m, y_m, around.later_m)
+        gap_m = self._gap_m(x_m, y_m, yaw_rad, around.later_m)
         too_close = gap_m[..., :n_soon] < around.nearest_m[:n_soon]
         if n_soon:
-            gap_now_m = self._gap_m(x_m[..., :n_soon], y_m[..., :n_soon], around.now_m)
+            soon_x, soon_y, soon_rad = (each[..., :n_soon] for each in (x_m, y_m, yaw_rad))
+            gap_now_m = self._gap_m(soon_x, soon_y, soon_rad, around.now_m)
             too_close |= gap_now_m < around.nearest_now_m
         np.maximum(gap_m, -decay_m, out=gap_m)
         gap_m /= -decay_m
         nearness = np.exp(gap_m, out=gap_m)
         return self.settings.people_weight * (nearness * self._foresight).max(axis=-1), too_close
 
-    def _gap_m(self, x_m: FloatArray, y_m: FloatArray, people_m: FloatArray) -> FloatArray:
+    def _wall_distance_m(self, x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray) -> FloatArray:
+        """Distance of walls from the centre of a round robot, or from the outline of another."""
+        if self._body.is_round:
+            return self._walls.at(x_m, y_m)
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        nearest_m: FloatArray = np.full(x_m.shape, np.inf)
+        for ahead_m, aside_m in self._outline_m:
+            corner_m = self._walls.at(
+                x_m + cos * ahead_m - sin * aside_m, y_m + sin * ahead_m + cos * aside_m
+            )
+            np.minimum(nearest_m, corner_m, out=nearest_m)
+        return nearest_m
+
+    def _gap_m(
+        self, x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray, people_m: FloatArray
+    ) -> FloatArray:
         """Gap between the robot at each point and the nearest person."""
-        return distance_to_nearest(x_m, y_m, people_m) - self._reach_m
+        if self._body.is_round:
+            return distance_to_nearest(x_m, y_m, people_m) - self._reach_m
+        shape = np.broadcast_shapes(x_m.shape, people_m.shape[-1:])
+        poses = np.stack([np.broadcast_to(each, shape).ravel() for each in (x_m, y_m, yaw_rad)], 1)
+        places_m = np.moveaxis(np.broadcast_to(people_m, (*people_m.shape[:2], shape[-1])), 2, 0)
+        places_m = np.tile(places_m, (len(poses) // shape[-1], 1, 1))
+        gaps_m = self._body.gaps_m(poses, places_m) - self._person_radius_m
+        nearest_m: FloatArray = gaps_m.min(axis=1, initial=np.inf).reshape(shape)
+        return nearest_m
 
 
 def _wall_scale(scenario: Scenario) -> float:

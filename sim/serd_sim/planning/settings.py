@@ -20,12 +20,14 @@ _LIMITS = {
 class PlannerSettings(StrictModel):
     """Parameters in SI units; each limit defaults to that of the robot."""
 
-    max_vel_x: float | None = setting(None, "largest commanded speed forward", unit="m/s", gt=0)
+    max_vel_x: float | None = setting(
+        None, "largest commanded speed forward", live="any", unit="m/s", gt=0
+    )
     min_vel_x: float | None = setting(
         None, "largest commanded speed backward; 0: never drive backward", unit="m/s", le=0
     )
     max_vel_theta: float | None = setting(
-        None, "largest commanded turning rate", unit="rad/s", gt=0
+        None, "largest commanded turning rate", live="any", unit="rad/s", gt=0
     )
     acc_lim_x: float | None = setting(
         None, "largest acceleration and deceleration", unit="m/s²", gt=0
@@ -37,7 +39,7 @@ class PlannerSettings(StrictModel):
         None, "commands per second; must be 1 / control_period_s", unit="Hz", gt=0
     )
     xy_goal_tolerance: float = setting(
-        0.1, "stand still nearer than this to the waypoint", unit="m", gt=0
+        0.1, "stand still nearer than this to the waypoint", live="any", unit="m", gt=0
     )
 
     sim_time: float = setting(1.4, "horizon of a rollout", unit="s", gt=0, le=20)
@@ -46,13 +48,13 @@ class PlannerSettings(StrictModel):
     vtheta_samples: int = setting(21, "sampled turning rates", ge=3, le=200)
 
     required_movement_radius: float = setting(
-        0.5, "a robot that moves less than this is stuck", unit="m", gt=0
+        0.5, "a robot that moves less than this is stuck", live="any", unit="m", gt=0
     )
     movement_time_allowance: float = setting(
-        10.0, "time within which it must move so far", unit="s", gt=0
+        10.0, "time within which it must move so far", live="any", unit="s", gt=0
     )
     failure_tolerance: float = setting(
-        5.0, "status PATIENCE_EXCEEDED after being blocked for longer", unit="s", ge=0
+        5.0, "status PATIENCE_EXCEEDED after being blocked for longer", live="any", unit="s", ge=0
     )
     number_of_retries: int = setting(
         3, "status FAILED_TO_MAKE_PROGRESS after more recoveries; recoveries go on", ge=0

@@ -69,7 +69,16 @@ class Lidar:
 def range_to_lines(
     to_x: FloatArray, to_y: FloatArray, along_m: FloatArray, ray_x: FloatArray, ray_y: FloatArray
 ) -> FloatArray:
-    """(n_rays,) distances along rays to the nearest of segments.
+    """(n_rays,) distances along rays to the nearest of segments; arguments as of `crossings`."""
+    crossed_m = crossings(to_x, to_y, along_m, ray_x, ray_y)
+    nearest: FloatArray = crossed_m.min(axis=1, initial=np.inf)
+    return nearest
+
+
+def crossings(
+    to_x: FloatArray, to_y: FloatArray, along_m: FloatArray, ray_x: FloatArray, ray_y: FloatArray
+) -> FloatArray:
+    """(n_rays, S) distances along rays to each of segments, inf where they do not meet.
 
     to_x, to_y: (S,) starts relative to the lidar; along_m: (S, 2) from starts to ends.
     """
@@ -79,8 +88,8 @@ def range_to_lines(
     distance = (to_x * along_y - to_y * along_x) / turn
     share = (to_x * ray_y[:, None] - to_y * ray_x[:, None]) / turn
     hit = (distance > 0.0) & (share >= -1e-9) & (share <= 1.0 + 1e-9)
-    nearest: FloatArray = np.where(hit, distance, np.inf).min(axis=1, initial=np.inf)
-    return nearest
+    found: FloatArray = np.where(hit, distance, np.inf)
+    return found
 
 
 class Odometry:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray
+from serd_sim.errors import SimError
 from serd_sim.planning.rollout_costs import distance_to_nearest
 from serd_sim.safety.collision_monitor import CollisionMonitor, Obstacles
 from serd_sim.safety.input_monitor import (
@@ -33,6 +34,8 @@ from serd_sim.world.command import STOP, Command
 _MOST_WAITING = 200
 #: A clock that advances more than this (s) at once begins a new session.
 _CLOCK_JUMP_S = 1.0
+#: The robot stands below these speeds.
+_STANDS_MPS, _STANDS_RADPS = 0.02, 0.05
 _PEOPLE_UNKNOWN = Fault.FROZEN, Fault.INVALID, Fault.UNSEEN
 
 
@@ -68,11 +71,9 @@ class Guard:
     ) -> None:
         self.settings = settings if settings is not None else GuardSettings()
         self.n_rejected: Counter[Source] = Counter()
-        self._monitor = CollisionMonitor(self.settings)
         observed = map(Source, self.settings.observation_sources)
         self.sources = (Source.ODOMETRY, *observed)
-        self._reach_m = _reach_m(self.settings)
-        self._space = KnownSpace(self.settings, walls_m, self._reach_m)
+        self._space = KnownSpace(self.settings, walls_m, 0.0)
         self._now_s: float | None = None
         self._override_s: float | None = None
         self.reset()
@@ -100,6 +101,36 @@ class Guard:
         self._scan: tuple[SeenSpace, Pose, float] | None = None
         self._command: tuple[float, Command] | None = None
         self._override_s = None
+        self.change(settings)
+
+    def require_may_change(self, settings: GuardSettings, now_s: float) -> None:
+        """SimError where settings would allow more than the present ones and the robot drives."""
+        names = self.settings.loosened(settings)
+        if not names or self._stands(now_s):
+            return
+        speed, turn = self._odometry.speeds
+        raise SimError(
+            f"{', '.join(names)} may allow more only while the robot stands by a fresh odom, which"
+            f" shows {speed:.2f} m/s and {turn:.2f} rad/s; stop it, then set it again"
+        )
+
+    def _stands(self, now_s: float) -> bool:
+        speed, turn = self._odometry.speeds
+        is_fresh = self._stamps[Source.ODOMETRY].check(now_s)[0] > 0.0
+        return is_fresh and abs(speed) < _STANDS_MPS and abs(turn) < _STANDS_RADPS
+
+    def change(self, settings: GuardSettings) -> None:
+        """Guard by other settings from now on.
+
+        What is plausible for odometry and pose stays what it was by the first ones, so that a
+        robot whose speed has just been limited does not jump.
+        """
+        self.settings = settings
+        self._monitor, self._reach_m = CollisionMonitor(settings), _reach_m(settings)
+        self._space.settings, self._space.reach_m = settings, self._reach_m
+        self._scans.settings = settings
+        for monitor in self._stamps.values():
+            monitor.settings = settings
 
     def receive_odometry(self, stamp_s: float, pose: Pose, speeds: tuple[float, float]) -> None:
         """Take the pose by the wheels and the speeds (m/s, rad/s)."""
@@ -250,15 +281,20 @@ class Guard:
             share = min(share, CREEP_MPS / self.settings.max_vel_x)
             reasons += (Reason(Source.SCAN, Fault.NOT_IN_VIEW),)
         allowed, action = self._limited(command, share, slowly=ignored)
+        fastest = self.settings.max_vel_x, self.settings.max_vel_theta
+        if abs(command.linear_mps) > fastest[0] or abs(command.angular_radps) > fastest[1]:
+            reasons += (Reason(Source.COMMAND, Fault.FAST),)
         obstacles = self._obstacles(now_s, with_people=not ignored)
         allowed, done, found = self._monitor.step(allowed, self._odometry.speeds, obstacles)
         return GuardOutput(allowed, done if found else action, reasons + found)
 
     def _is_in_view(self, command: Command) -> bool:
         """Whether the lidar, where there is one, looks where a command leads."""
-        if self._scan is None or command.linear_mps == 0.0:
+        if self._scan is None:
             return True
         seen = self._scan[0]
+        if command.linear_mps == 0.0:
+            return seen.around or command.angular_radps == 0.0 or self.settings.outline.is_round
         return seen.ahead if command.linear_mps > 0.0 else seen.behind
 
     def _check(self, source: Source, now_s: float) -> Check:
@@ -281,14 +317,14 @@ class Guard:
     ) -> tuple[Command, GuardAction]:
         settings = self.settings
         fastest = share * settings.max_vel_x
-        action = GuardAction.SLOWDOWN
+        action = GuardAction.SLOWDOWN if share < 1.0 else GuardAction.LIMIT
         if slowly and settings.linear_limit < fastest:
             fastest, action = settings.linear_limit, GuardAction.LIMIT
         speed, turn = abs(command.linear_mps), abs(command.angular_radps)
         factor = min(
             1.0, fastest / max(speed, 1e-9), share * settings.max_vel_theta / max(turn, 1e-9)
         )
-        if factor == 1.0 or (share == 1.0 and not slowly):
+        if factor == 1.0:
             return command, GuardAction.DO_NOTHING
         return Command(factor * command.linear_mps, factor * command.angular_radps), action
 
@@ -324,7 +360,7 @@ def _reach_m(settings: GuardSettings) -> float:
     follows_s = settings.reaction_time + 2.0 / settings.controller_frequency
     old_m = speed * settings.source_timeout
     walked_m = settings.person_speed * (follows_s + slow / settings.braking)
-    zones_m = max(settings.radius + settings.collision_margin, settings.stop_radius)
+    zones_m = max(settings.outline.radius_m + settings.collision_margin, settings.stop_radius)
     return old_m + max(
         zones_m + speed * follows_s + 0.5 * speed**2 / settings.braking,
         zones_m + slow * follows_s + 0.5 * slow**2 / settings.braking + walked_m,

@@ -44,10 +44,11 @@ class StampMonitor:
     """Age and rate of one input.
 
     A message from the future counts as none, since sound ones would not be newer for as long.
+    settings: may be replaced.
     """
 
     def __init__(self, settings: GuardSettings) -> None:
-        self._settings = settings
+        self.settings = settings
         self._period_s = 0.0
         self._previous_s: float | None = None
         self.stamp_s: float | None = None
@@ -63,7 +64,7 @@ class StampMonitor:
 
         One from the future is a fault until a sound one comes.
         """
-        if stamp_s - now_s > self._settings.transform_tolerance:
+        if stamp_s - now_s > self.settings.transform_tolerance:
             self._future_s = stamp_s
             return False
         if self.stamp_s is not None and stamp_s <= self.stamp_s:
@@ -86,7 +87,7 @@ class StampMonitor:
             return 0.0, Fault.FUTURE
         if self.stamp_s is None:
             return 0.0, Fault.MISSING
-        settings, age_s = self._settings, now_s - self.stamp_s
+        settings, age_s = self.settings, now_s - self.stamp_s
         if age_s >= settings.source_timeout - _EARLY_S:
             return 0.0, Fault.STALE
         age_s = max(age_s, min(self._period_s, settings.source_timeout))
@@ -104,7 +105,7 @@ class FrozenMonitor:
     """
 
     def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
-        self._limit_m, self._radius_m = settings.frozen_motion, settings.radius
+        self._limit_m, self._radius_m = settings.frozen_motion, settings.outline.radius_m
         self._track = track
         self._value: bytes | None = None
         self._first_s = self._newest_s = 0.0
@@ -334,11 +335,11 @@ class PeopleMonitor:
 class ScanMonitor:
     """What scans show, the share of lost rays, and scans that stay the same while the robot moves.
 
-    space: that outlasts this monitor.
+    space: that outlasts this monitor. settings: may be replaced.
     """
 
     def __init__(self, settings: GuardSettings, track: PoseTrack, space: KnownSpace) -> None:
-        self._settings = settings
+        self.settings = settings
         self._frozen = FrozenMonitor(settings, track)
         self._space = space
         self.mount_of = space.mount_of
@@ -359,7 +360,7 @@ class ScanMonitor:
 
     def check(self) -> Check:
         """What the newest scan allows."""
-        settings = self._settings
+        settings = self.settings
         if self.seen.blind_share >= settings.blind_rays:
             return 0.0, Fault.BLIND
         if self._frozen.is_frozen():

@@ -26,10 +26,12 @@ import numpy as np
 
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_sim.planning.rollout_costs import distance_to_nearest
-from serd_sim.robot.sensors import range_to_lines
+from serd_sim.robot.footprint import Footprint
+from serd_sim.robot.sensors import crossings, range_to_lines
 from serd_sim.safety.motion import STANDING, Pose, compose, in_frame, motion_between, out_of_frame
 from serd_sim.safety.scan import Scan, ScanGeometry, runs_of
 from serd_sim.safety.settings import GuardSettings
+from serd_sim.scenario.polygon import edges_of
 
 #: Size (m) of the smallest obstacle that counts between rays.
 _SMALLEST_M = 0.1
@@ -42,6 +44,8 @@ _LOST_RAYS = 3
 _BESIDE = 2
 #: Ends that nothing shows any more are remembered for this time (s).
 _REMEMBERED_S = 10.0
+#: Of what has left the view one place is remembered in each square of this side (m).
+_SQUARE_M = 0.02
 #: An obstacle stays for this time (s) where a ray that met it turns free.
 _HELD_S = 0.5
 #: The lidar looks in a direction where it has a ray within this angle (rad).
@@ -56,8 +60,8 @@ class SeenSpace:
     """Obstacles in the robot's frame at a scan.
 
     points_m: (N, 2) returns. unknown_m: (M, 2) places where the known space ends along blind rays.
-    blind_share: of all rays. lost: whether a sector is lost. ahead, behind: whether the lidar looks
-    there.
+    blind_share: of all rays. lost: whether a sector is lost. ahead, behind, around: whether the
+    lidar looks there.
     """
 
     points_m: FloatArray = field(default_factory=lambda: NO_POINTS)
@@ -66,6 +70,7 @@ class SeenSpace:
     lost: bool = False
     ahead: bool = True
     behind: bool = True
+    around: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +100,11 @@ class KnownSpace:
     """Keeps the ends of rays of earlier scans where newer ones show nothing.
 
     walls_m: (W, 2, 2) segments of the map, None without one. reach_m: distance from the robot's
-    centre up to which an obstacle can matter.
+    centre up to which an obstacle can matter; both may be replaced.
     """
 
     def __init__(self, settings: GuardSettings, walls_m: FloatArray | None, reach_m: float) -> None:
-        self._settings, self._walls_m, self._reach_m = settings, walls_m, reach_m
+        self.settings, self._walls_m, self.reach_m = settings, walls_m, reach_m
         #: Of the rays of a geometry.
         self._lost: tuple[ScanGeometry, BoolArray] | None = None
         self.begin_session()
@@ -117,9 +122,9 @@ class KnownSpace:
         odometry, in_map: poses of the robot at its stamp. people_m: (P, 2) known people in the
         robot's frame, who are not held after they have gone.
         """
-        settings = self._settings
+        settings = self.settings
         mount = self.mount_of(raw)
-        edge_m = _edge_m(raw.geometry, len(raw.ranges_m), mount, settings.radius)
+        edge_m = _edge_m(raw.geometry, len(raw.ranges_m), mount, settings.outline)
         scan, near = raw.interpreted(settings.zero_is)
         free, unknown = np.isposinf(scan.ranges_m), np.isnan(scan.ranges_m)
         lidar = compose(odometry, mount)
@@ -136,6 +141,10 @@ class KnownSpace:
         blind = unknown | lost
         age_s = scan.stamp_s - ends.stamp_s
         held = gone & ~blind[ray] & (age_s <= _HELD_S)
+        is_recent = age_s <= _REMEMBERED_S
+        # What the robot has turned away from, or driven past.
+        left = ~inside & ends.is_solid & is_recent & (away_m <= self.reach_m)
+        left = _thinned(ends.place_m, left)
         left_m = np.maximum(away_m - settings.person_speed * age_s, 0.0)
         along_blind = inside & blind[ray]
         end_m = np.where(free, scan.geometry.range_max_m, scan.ranges_m.astype(np.float64))
@@ -147,7 +156,7 @@ class KnownSpace:
         known_m = _known_m(scan, blind, end_m, ray[along_blind], left_m[along_blind])
         points_m = self._points(scan, mount, ~(free | unknown), end_m)
         seen = SeenSpace(
-            points_m=np.concatenate([points_m, out_of_frame(place_m[held], mount)]),
+            points_m=np.concatenate([points_m, out_of_frame(place_m[held | left], mount)]),
             unknown_m=self._points(
                 scan, mount, blind | free, np.where(blind, np.maximum(known_m, edge_m), end_m)
             ),
@@ -155,10 +164,11 @@ class KnownSpace:
             lost=bool(lost.any()),
             ahead=self._looks(scan, mount, 0.0),
             behind=self._looks(scan, mount, math.pi),
+            around=scan.geometry.closes(len(free)),
         )
         ends.was_gone[gone] = True
-        hidden = (along_blind | (inside & near[ray])) & (age_s <= _REMEMBERED_S)
-        self._kept = ends.among(held | hidden)
+        hidden = (along_blind | (inside & near[ray])) & is_recent
+        self._kept = ends.among(held | hidden | left)
         shown = ~blind
         shown[ray[stays]] = False
         self._remember(scan, mount, lidar, shown, end_m, people_m)
@@ -167,7 +177,7 @@ class KnownSpace:
 
     def mount_of(self, scan: Scan) -> Pose:
         """Where the lidar is on the robot."""
-        at = self._settings
+        at = self.settings
         return (at.sensor_x, at.sensor_y, at.sensor_yaw) if scan.mount is None else scan.mount
 
     def _lost_rays(
@@ -182,7 +192,7 @@ class KnownSpace:
             vanished_m = np.zeros(len(free))
             vanished_m[ray] = away_m
             x_m, y_m, turn = motion_between(self._odometry, odometry)
-            uncovered_m = self._settings.person_speed * (scan.stamp_s - self._stamp_s)
+            uncovered_m = self.settings.person_speed * (scan.stamp_s - self._stamp_s)
             uncovered_m += math.hypot(x_m, y_m)
             grown = _joined((vanished_m > 0.0) | lost)
             for run in runs_of(grown, closes=scan.geometry.closes(len(free))):
@@ -221,7 +231,7 @@ class KnownSpace:
 
     def _points(self, scan: Scan, mount: Pose, rays: BoolArray, end_m: FloatArray) -> FloatArray:
         """(N, 2) ends of some rays near the robot, in its frame."""
-        near = (rays & (end_m <= self._reach_m + math.hypot(mount[0], mount[1]))).nonzero()[0]
+        near = (rays & (end_m <= self.reach_m + math.hypot(mount[0], mount[1]))).nonzero()[0]
         return out_of_frame(end_m[near, None] * scan.directions[near], mount)
 
     def _looks(self, scan: Scan, mount: Pose, bearing_rad: float) -> bool:
@@ -244,21 +254,38 @@ class KnownSpace:
         if len(people_m) and len(end):
             x_m, y_m = out_of_frame(end, mount).T
             away_m = distance_to_nearest(x_m, y_m, people_m[..., None])
-            is_solid &= away_m > self._settings.person_radius + BODY_MARGIN_M
+            is_solid &= away_m > self.settings.person_radius + BODY_MARGIN_M
         stamp_s, was_gone = np.full(len(end), scan.stamp_s), np.zeros(len(end), dtype=bool)
         self._newest = _Ends(out_of_frame(end, lidar), stamp_s, is_solid, was_gone)
 
 
 @lru_cache(maxsize=16)
-def _edge_m(geometry: ScanGeometry, n_rays: int, mount: Pose, radius_m: float) -> FloatArray:
-    """(n_rays,) distance along each ray to where it leaves a round footprint; 0 for one that does
-    not meet it."""
+def _edge_m(geometry: ScanGeometry, n_rays: int, mount: Pose, body: Footprint) -> FloatArray:
+    """(n_rays,) distance along each ray to where it leaves the footprint; 0 for one that does not
+    meet it."""
     angle = geometry.angles_rad(n_rays) + mount[2]
+    if not body.is_round:
+        x_m, y_m = (body.corners_m - mount[:2]).T
+        edge_m = np.diff(edges_of(body.corners_m), axis=1)[:, 0]
+        crossed_m = crossings(x_m, y_m, edge_m, np.cos(angle), np.sin(angle))
+        farthest_m: FloatArray = np.where(np.isfinite(crossed_m), crossed_m, 0.0).max(axis=1)
+        return farthest_m
     along_m = mount[0] * np.cos(angle) + mount[1] * np.sin(angle)
-    squared = along_m**2 + radius_m**2 - mount[0] ** 2 - mount[1] ** 2
+    squared = along_m**2 + body.radius_m**2 - mount[0] ** 2 - mount[1] ** 2
     return np.where(
         squared > 0.0, np.maximum(np.sqrt(np.maximum(squared, 0.0)) - along_m, 0.0), 0.0
     )
+
+
+def _thinned(place_m: FloatArray, chosen: BoolArray) -> BoolArray:
+    """(N,) of the chosen places the last one in each square of `_SQUARE_M`."""
+    if not chosen.any():
+        return chosen
+    rows = chosen.nonzero()[0][::-1]
+    east, north = np.floor(place_m[rows].T / _SQUARE_M).astype(np.int64)
+    thinned = np.zeros_like(chosen)
+    thinned[rows[np.unique(east * 2**31 + north, return_index=True)[1]]] = True
+    return thinned
 
 
 def _in_reach(away_m: FloatArray, scan: Scan) -> BoolArray:

@@ -36,6 +36,7 @@ class Fault(str, Enum):
     UNKNOWN = "nothing known ahead"
     SEVERAL = "several publishers"
     COLLISION = "collision ahead"
+    FAST = "faster than allowed"
     NEAR = "in the slowdown zone"
 
 

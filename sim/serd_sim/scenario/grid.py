@@ -1,7 +1,8 @@
 """A scenario on the coarse grid: cells, flow, goal, starts, walls, and its decision problem."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -96,11 +97,12 @@ def navigation_problem_of(
     discount: float,
     features: Sequence[str] | None = None,
     flow: IntArray | None = None,
+    own_features: Mapping[str, FloatArray] = MappingProxyType({}),
 ) -> NavigationProblem:
     """The decision problem of section 5.1 on this scenario's grid.
 
-    features: by default all that the place has. flow: (S,) as recorded, in place of the one that
-    the scenario's loops make.
+    features: by default all that the place has; own_features: (S,) of each further one. flow: (S,)
+    as recorded, in place of the one that the scenario's loops make.
     """
     grid = grid_of(scenario)
     return build_navigation_problem(
@@ -110,6 +112,7 @@ def navigation_problem_of(
         wall_distance_m=wall_distance_of(scenario, grid),
         discount=discount,
         features=features,
+        own_features=own_features,
     )
 
 

@@ -11,6 +11,7 @@ from serd_core.arrays import FloatArray
 from serd_files.settings import setting
 from serd_files.yaml_config import StrictModel
 from serd_sim.crowd.social_force import model_named, model_names
+from serd_sim.robot.footprint import Footprint, footprint_of, outline_text
 from serd_sim.robot.urdf import BUILTIN_URDF, DifferentialDrive, read_differential_drive
 from serd_sim.scenario.polygon import require_simple
 
@@ -24,9 +25,19 @@ Outline = Annotated[Polygon, AfterValidator(require_simple)]
 
 
 class RobotSettings(StrictModel):
-    """A round differential-drive robot. Limits have the names of Nav2, with units."""
+    """A differential-drive robot. Limits have the names of Nav2, with units."""
 
-    radius_m: float = setting(0.25, "radius", unit="m", gt=0)
+    radius_m: float = setting(
+        0.25,
+        "radius of the disc to which cells, people and the simulated body keep",
+        unit="m",
+        gt=0,
+    )
+    footprint: Annotated[str, AfterValidator(outline_text)] = setting(
+        "",
+        "outline of a robot that is not round, for local planner and guard: corners as Nav2 has"
+        " them, '[[x, y], ...]', in m in the frame base_link",
+    )
     height_m: float = setting(0.6, "height", unit="m", gt=0)
     max_vel_x_mps: float = setting(1.2, "largest speed forward", unit="m/s", gt=0)
     min_vel_x_mps: float = setting(-0.3, "largest speed backward", unit="m/s", le=0)
@@ -66,6 +77,11 @@ class RobotSettings(StrictModel):
 
     @model_validator(mode="after")
     def _drivable(self) -> "RobotSettings":
+        if self.footprint and self.radius_m < self.outline.inscribed_m - 1e-9:
+            raise ValueError(
+                "radius_m must be at least that of the largest disc within the footprint"
+                f" ({self.outline.inscribed_m:.3g} m), got {self.radius_m:g}; raise it"
+            )
         if self.drive == "physical":
             drive = self.differential_drive()
             if drive.radius_m is None and self.wheel_radius_m is None:
@@ -80,6 +96,11 @@ class RobotSettings(StrictModel):
         return read_differential_drive(
             self.urdf_path, self.left_wheel_joint, self.right_wheel_joint
         )
+
+    @property
+    def outline(self) -> Footprint:
+        """The footprint, polygon or disc."""
+        return footprint_of(self.radius_m, self.footprint)
 
     @property
     def urdf_path(self) -> Path:

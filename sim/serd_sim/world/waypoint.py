@@ -125,6 +125,11 @@ class FollowedDirective:
         return self._newest is not None
 
     @property
+    def is_recent(self) -> bool:
+        """Whether the directive counted at the last step."""
+        return self._newest is not None and self._is_recent
+
+    @property
     def is_overdue(self) -> bool:
         """Whether the robot stood at the last step since its directive was no longer recent."""
         is_motion = self._newest is not None and self._newest[1] != Action.WAIT

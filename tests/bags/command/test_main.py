@@ -10,13 +10,13 @@ import pytest
 from serd_bag.command.main import main
 from serd_bag.writer import BagWriter
 from support.bag_messages import POSE, write_bag
-from support.damaged_files import write_flipped
+from support.damaged_files import write_wrong
 
 
 def lose_a_message(bag):
     (bag / "metadata.yaml").unlink()
     content = (bag / "small_0.mcap").read_bytes()
-    write_flipped(bag / "small_0.mcap", content, len(content) // 2)
+    write_wrong(bag / "small_0.mcap", content, len(content) // 2, b"\x55\xaa\x55\xaa")
 
 
 def cut_to_nothing(bag):
@@ -38,11 +38,11 @@ def without_messages(bag):
 @pytest.mark.parametrize(
     ("change", "codes"),
     [
-        (None, {"info": 0, "check": 0, "recover": 0, "convert": 0}),
-        (lose_a_message, {"info": 1, "check": 1, "recover": 1, "convert": 2}),
-        (cut_to_nothing, {"info": 1, "check": 1, "recover": 3, "convert": 2}),
+        (None, {"info": 0, "check": 0, "rescue": 0, "convert": 0}),
+        (lose_a_message, {"info": 1, "check": 1, "rescue": 1, "convert": 2}),
+        (cut_to_nothing, {"info": 1, "check": 1, "rescue": 2, "convert": 2}),
         (cut_short, {"info": 0}),
-        (without_messages, {"info": 0, "recover": 0}),
+        (without_messages, {"info": 0, "rescue": 0}),
     ],
 )
 def test_the_exit_code_states_whether_messages_are_known_to_be_lost(small_bag, change, codes):
@@ -57,9 +57,9 @@ def test_of_several_bags_the_highest_exit_code_counts(small_bag, tmp_path, capsy
     assert main(["convert", str(bag), "--compression", "zstd"]) == 0
     lose_a_message(bag)
     nothing.touch()
-    assert main(["recover", str(tmp_path / "small_mcap"), str(bag)]) == 1
+    assert main(["rescue", str(tmp_path / "small_mcap"), str(bag)]) == 1
     assert "messages lost: " in capsys.readouterr().out
-    assert main(["recover", str(tmp_path / "small_recovered"), str(nothing)]) == 3
+    assert main(["rescue", str(tmp_path / "small_rescued"), str(nothing)]) == 2
 
 
 def test_a_sound_bag_is_shown_and_checked(small_bag, capsys):
@@ -92,7 +92,7 @@ def test_names_that_a_terminal_obeys_are_shown_with_their_escapes(tmp_path, mess
     [
         (("info", "nowhere"), "bag nowhere must be a folder or a .mcap, .db3 or .bag file"),
         (("info", "x" * 300), f"cannot use {'x' * 300}: the name is too long; choose a shorter"),
-        (("recover", "a", "b", "--output", "c"), "--output must be left out for several bags"),
+        (("rescue", "a", "b", "--output", "c"), "--output must be left out for several bags"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(words, sentence, capsys):

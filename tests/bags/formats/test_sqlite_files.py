@@ -9,10 +9,11 @@ import pytest
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from serd_bag.command.rewrite import convert, recover
+from serd_bag.command.rewrite import convert
 from serd_bag.errors import BagError
 from serd_bag.health.check import check_bag
 from serd_bag.reader import BagReader
+from serd_bag.rescue.saving import rescue
 from support.bag_messages import POSE, VECTOR
 from support.damaged_files import write_wrong
 
@@ -72,9 +73,9 @@ def test_deleted_rows_are_detected_and_counted(file, tmp_path):
     with pytest.raises(BagError, match=r"lists 200 messages on /robot_pose, the files hold \d+"):
         contents(file.parent)
     assert not check_bag(file.parent).sound
-    report = recover(file.parent, tmp_path / "new")
-    assert (report.n_messages, report.n_lost) == (n_left, N_MESSAGES - n_left)
-    assert report.n_lost > 50
+    report = rescue(file.parent, tmp_path / "new")
+    assert (report.n_messages, report.least_lost) == (n_left, N_MESSAGES - n_left)
+    assert report.least_lost > 50
 
 
 def test_a_cut_off_database_gives_the_rows_that_are_whole(file, tmp_path):
@@ -89,12 +90,14 @@ def test_a_cut_off_database_gives_the_rows_that_are_whole(file, tmp_path):
         assert reader.damage
         assert reader.losses.n_messages == len(whole) - len(found)
         counts.append(len(found))
-        with pytest.raises(BagError, match=r"the database cannot be read .*repair it with"):
+        with pytest.raises(
+            BagError, match=r"the database cannot be read .*save what it holds with"
+        ):
             contents(bag)
     assert counts == sorted(counts)
     assert counts[0] > 5
     assert counts[-1] > 0.9 * len(whole)
-    assert recover(bag, tmp_path / "new").n_messages == counts[-1]
+    assert rescue(bag, tmp_path / "new").n_messages == counts[-1]
     assert contents(tmp_path / "new")[0] == found
 
 
@@ -142,10 +145,10 @@ def test_a_compressed_file_that_is_cut_off_is_unpacked_as_far_as_it_goes(make, s
     (file,) = bag.glob("*.zstd")
     content = file.read_bytes()
     file.write_bytes(content[: len(content) * 9 // 10])
-    with pytest.raises(BagError, match="the compressed file is cut off; repair it"):
+    with pytest.raises(BagError, match="the compressed file is cut off; save what it holds"):
         contents(bag)
-    report = recover(bag, tmp_path / "new")
-    assert report.n_lost == N_MESSAGES - report.n_messages
+    report = rescue(bag, tmp_path / "new")
+    assert report.least_lost == N_MESSAGES - report.n_messages
     (bag / "metadata.yaml").unlink()
     assert set(contents(bag, tolerant=True)[0]) <= set(whole)
 
@@ -157,8 +160,8 @@ def test_messages_packed_one_by_one_that_cannot_be_unpacked_are_counted(make, tm
     execute(bag / "old.db3", change)
     with pytest.raises(BagError, match="2 compressed messages cannot be unpacked"):
         contents(bag)
-    report = recover(bag, tmp_path / "new")
-    assert (report.n_messages, report.n_lost) == (len(whole) - 2, 2)
+    report = rescue(bag, tmp_path / "new")
+    assert (report.n_messages, report.least_lost) == (len(whole) - 2, 2)
 
 
 def test_check_reports_that_such_files_have_no_checksums(file):
@@ -192,16 +195,21 @@ def test_a_sound_file_is_read_whatever_describes_its_topics(file, change):
 NULLABLE = "UPDATE sqlite_master SET sql = replace(sql, ' NOT NULL', '')"
 
 
-def test_messages_without_a_topic_or_a_possible_time_are_lost_alone(file, tmp_path):
+def test_messages_without_a_topic_are_lost_alone_and_one_of_an_impossible_time_is_kept(
+    file, tmp_path
+):
     execute(file, "UPDATE messages SET timestamp = -5 WHERE id = 7")
-    assert any("1 messages have times outside of" in fault for fault in check_bag(file).faults)
-    assert recover(file.parent, tmp_path / "kept").n_messages == N_MESSAGES - 1
+    check = check_bag(file)
+    assert check.sound
+    assert "1 messages have log times below 0 or after 2^63-1 ns" in check.remarks
+    assert rescue(file.parent, tmp_path / "kept").n_messages == N_MESSAGES
+    assert 2**64 - 5 in [each.log_time_ns for each in BagReader(tmp_path / "kept").messages()]
     with closing(sqlite3.connect(file)) as connection, connection:
         connection.execute("PRAGMA writable_schema = 1")
         connection.execute(NULLABLE)
     execute(file, "UPDATE topics SET type = NULL WHERE name = '/intent'")
     check = check_bag(file)
-    assert {topic.name: topic.n_messages for topic in check.topics} == {"/robot_pose": 199}
+    assert {topic.name: topic.n_messages for topic in check.topics} == {"/robot_pose": 200}
     assert any("10 messages have lost their topic" in fault for fault in check.faults)
 
 

@@ -1,7 +1,7 @@
 """The contents of a bag are found by the ends of its files, and are those of all its messages."""
 
 from serd_bag.formats.mcap.window import FileWindow
-from serd_bag.health.check import TopicContents, contents_of_bag
+from serd_bag.health.contents import TopicContents, contents_of_bag
 from serd_bag.writer import BagWriter
 
 

@@ -1,9 +1,9 @@
 import pytest
 
 from lab.catalogue import experiment_named
+from lab.experiments.avoidance import AvoidanceConfig
 from lab.experiments.durations import DurationsConfig
 from lab.experiments.gridworld.ascents import AscentsConfig
-from lab.experiments.gridworld.early_stopping import EarlyStoppingConfig
 from lab.experiments.gridworld.experiment import GridworldConfig
 from lab.experiments.minimum_example.explanations import MinimumExampleConfig
 from lab.experiments.minimum_example.multi_start import MultiStartConfig
@@ -15,12 +15,12 @@ from serd_sim.episodes.execution import Execution
 #: By name a small run, and some of the files that it leaves.
 SMALL = {
     "minimum-example": (MinimumExampleConfig(n_sets=8, sizes=(3,)), "log_likelihood.csv"),
+    "avoidance": (
+        AvoidanceConfig(n_repetitions=2, sizes=(2,), distances=(5,), quantiles=(0.1,), draws=4),
+        "worlds.csv summary.csv",
+    ),
     "durations": (DurationsConfig(n_repetitions=1, sizes=(3,), draws=4), "worlds.csv summary.csv"),
     "multi-start": (MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3), "shares.csv"),
-    "early-stopping": (
-        EarlyStoppingConfig(side=5, sizes=(3,), n_steps=8, n_repetitions=1),
-        "measures.csv summary.csv measures.png",
-    ),
     "ascents": (
         AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),
         "costs.csv gaps.csv gaps.png",

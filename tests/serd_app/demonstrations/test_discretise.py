@@ -284,7 +284,9 @@ def test_a_bag_that_gives_no_decision_is_named_with_the_reason(
     refused(recorded_bag.directory, where)
     for content in (b"", b"hello", bytes(200)):
         (tmp_path / "broken.mcap").write_bytes(content)
-        refused(tmp_path / "broken.mcap", r"at byte 0: .*; repair it with 'serd bag recover'")
+        refused(
+            tmp_path / "broken.mcap", r"at byte 0: .*; save what it holds with 'serd-bag rescue'"
+        )
 
 
 def test_repeated_episodes_are_counted_and_their_waits_are_not():

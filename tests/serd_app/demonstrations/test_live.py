@@ -12,8 +12,8 @@ from serd_app.demonstrations.discretise import (
     demonstrations_of_bag,
     demonstrations_of_drives,
 )
+from serd_app.demonstrations.live import LiveDrive
 from serd_app.drives.sessions import read_drives
-from serd_app.learning.checkpoint import LiveDrive
 from serd_bag.reader import BagReader
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario

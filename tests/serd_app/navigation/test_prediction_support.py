@@ -5,15 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from serd_app.navigation.comparison import (
-    RecordedTimes,
-    Starts,
-    compare,
-    outside_band,
-    reasons_against_prediction,
-    recorded_times,
-    starts_of,
-)
+from serd_app.learning.criticism import RecordedTimes, outside_band, recorded_times
+from serd_app.navigation.comparison import Starts, compare, reasons_against_prediction, starts_of
 from serd_app.teleop.page.view import overlay_of
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.demonstrations.simulation import sample_timed_decisions

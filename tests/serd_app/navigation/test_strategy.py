@@ -5,6 +5,7 @@ import pytest
 
 from serd_bag.errors import FileError
 from serd_core.demonstrations.simulation import sample_timed_decisions
+from serd_core.policies.solved_policy import optimal_policy
 from serd_core.semi_markov.models import require_timed
 from serd_files.model_file import ModelDraws, load_model
 from serd_sim.drivers.strategy import STEP_S, load_strategy, start_distribution
@@ -175,3 +176,19 @@ def test_the_plan_solves_the_bellman_equation_of_the_mean_of_k(draws, save_model
             best = max(best, problem.features[state, action] @ weights + k @ value[following])
         residuals.append(best - value[state])
     np.testing.assert_allclose(residuals, 0.0, atol=1e-6 * np.abs(value).max())
+
+
+def test_a_plan_by_a_quantile_is_worth_what_the_worse_draw_is_worth(draws, save_model_of):
+    """Of two draws one is slower in everything, so the quantile 0.1 is the plan of that one."""
+    path = str(save_model_of(draws=draws))
+    found = load_strategy(path, HALLWAY, "optimal", plan_quantile=0.1)
+    table = require_timed(found.problem.mdp.transitions).local_probabilities(found.draws[1])
+    worse = optimal_policy(found.problem, found.file.weights, table)
+    np.testing.assert_allclose(found.learned.value, worse.value, rtol=1e-6)
+    starts = start_distribution(HALLWAY, "train")
+    assert found.law_from(starts).cdf_draws.shape[0] == 2
+    with pytest.raises(FileError, match="plan_quantile must be 0 for the policy 'soft'"):
+        load_strategy(path, HALLWAY, "soft", plan_quantile=0.1)
+    alone = str(save_model_of(name="alone.yaml"))
+    with pytest.raises(FileError, match=r"alone.yaml: plan_quantile needs draws .*; learn"):
+        load_strategy(alone, HALLWAY, "optimal", plan_quantile=0.1)

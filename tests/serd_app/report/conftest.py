@@ -93,7 +93,10 @@ def strategy_of(
     names = {"scenario": scenario.name, "method": "mdce_serd", "prior": "none"}
     file = model_of_fit(fit, problem, n_episodes=6, dynamics=dynamics, **names)
     learned = optimal_policy(problem, weights, model.local_probabilities(truth))
-    return Strategy(scenario, problem, learned, file, truth[None], 120.0)
+    return Strategy(
+        scenario=scenario, problem=problem, learned=learned, file=file, draws=truth[None],
+        timeout_s=120.0,
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")

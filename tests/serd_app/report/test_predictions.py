@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from serd_app.navigation.comparison import RecordedTimes
+from serd_app.learning.criticism import RecordedTimes
+from serd_app.navigation.navigator import plan_remarks
 from serd_app.report.charts import draw_forecasts
 from serd_app.report.inputs import Forecast
 from serd_app.report.summary import headline_of, summary_of
-from serd_app.report.write import summary_rows
+from serd_app.report.write import render_page, summary_rows
+from serd_files.model_file import Check
 from support.episodes import episode_result
 from tests.serd_app.report.conftest import strategy_of
 
@@ -23,6 +25,12 @@ def undriven(inputs):
 
 def recorded(*times_s, n_outside=0):
     return RecordedTimes(np.array(times_s), np.arange(len(times_s)) < n_outside)
+
+
+def checked(inputs, *checks):
+    """The same whose model file carries checks."""
+    file = inputs.strategy.file.model_copy(update={"checks": checks})
+    return replace(inputs, strategy=replace(inputs.strategy, file=file))
 
 
 def trapped(inputs):
@@ -104,3 +112,20 @@ def test_recorded_drives_are_drawn_on_the_forecast_from_the_first_to_the_last(un
     assert first_s < 31.0 < 150.0 < last_s
     (alone,) = draw_forecasts(laws, 120.0).axes
     assert len(alone.lines) == len(axes.lines) - 2
+
+
+def test_the_first_check_that_fails_is_the_headline_and_every_check_is_a_row_of_the_page(undriven):
+    checks = (
+        Check(key="rollouts", mark="holds", sentence="it arrives"),
+        Check(key="outcomes", mark="fails", sentence="3 of 9 moves led on, where 80 % should"),
+        Check(key="ways", mark="fails", sentence="there is no way"),
+    )
+    given = checked(undriven, *checks)
+    summary = summary_of(given)
+    assert headline_of(summary) == "3 of 9 moves led on, where 80 % should."
+    assert summary["no_prediction_because"] == tuple(each.sentence for each in checks[1:])
+    assert plan_remarks(given.strategy)[0].endswith(checks[1].sentence)
+    page = render_page(given, summary, dict.fromkeys(("forecast", "policy", "outcomes"), b""))
+    for check in checks:
+        assert f'<tr class="{check.mark}"><th scope="row">' in page
+        assert f"{check.sentence[1:]}.</td>" in page

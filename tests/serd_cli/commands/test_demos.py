@@ -95,7 +95,7 @@ def test_a_damaged_bag_is_used_only_when_asked_to(serd, drive_bag):
     bag = drive_bag()
     file = next(bag.glob("*.mcap"))
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    assert "serd bag recover" in serd("demos", bag, *IN_HALLWAY).refusal
+    assert "serd-bag rescue" in serd("demos", bag, *IN_HALLWAY).refusal
     words = ("demos", bag, *IN_HALLWAY, "--tolerant")
     (values,) = serd(*words, "--json").values["bags"]
     assert 0 < values["n_decisions"] < 6

@@ -10,7 +10,14 @@ from scipy.stats import gamma, nbinom
 
 import serd_core as sc
 from serd_core import checks
-from serd_core.arrival.chain import RenewalChain, dwell_steps, renewal_arrival, timed_arrival
+from serd_core.arrival.arriving_policy import likely_by_moments
+from serd_core.arrival.chain import (
+    RenewalChain,
+    arrival_moments,
+    dwell_steps,
+    renewal_arrival,
+    timed_arrival,
+)
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import with_dwell_times
 from support.arrival_twin import arrival_by_state
@@ -159,3 +166,24 @@ test_wrong_arguments_are_refused_by_name = refusals(
     (arrival(WORLD), "problem must have an mdp and goal_states, got a TabularProblem"),
     (arrival(ELSEWHERE), r"goal_states\[0\] must be"),
 )
+
+
+@settings(deadline=None, max_examples=8)
+@given(st.integers(0, 10_000))
+def test_the_moments_are_those_of_the_law_and_prove_no_more_than_it(seed):
+    problem, policy, table = random_case(seed)
+    timed = with_dwell_times(problem, patience_s=3.0, wait_s=1.0)
+    model = timed.mdp.transitions
+    truth = model.parameters_from(table, np.full(model.n_laws, 1.5), np.full(model.n_laws, 4.0))
+    mean_s, square_s2 = arrival_moments(timed, policy, truth, 0.25)
+    law = timed_arrival(timed, policy, truth, 0.25, 4000)
+    late = 1.0 - law.cdf[:-1]
+    certain = np.isfinite(mean_s) & (law.cdf[-1] > 1.0 - 1e-9)
+    times_s = 0.25 * np.arange(4000)[:, None]
+    np.testing.assert_allclose(mean_s[certain], 0.25 * late.sum(axis=0)[certain], rtol=1e-5)
+    of_law = (late * (2.0 * times_s + 0.25) * 0.25).sum(axis=0)[certain]
+    assert (square_s2[certain] >= of_law * (1.0 - 1e-5)).all()
+    np.testing.assert_allclose(square_s2[certain], of_law, rtol=0.05, atol=0.5)
+    for within_s in (5.0, 20.0, 80.0):
+        proven = likely_by_moments(mean_s, square_s2, within_s)
+        assert (law.within(round(within_s / 0.25))[proven] >= 0.5).all()

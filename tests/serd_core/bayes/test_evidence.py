@@ -130,9 +130,8 @@ def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
     fit, found = approximated(problem, decisions, prior=prior)
     draws = sc.laplace_draws(found, np.random.default_rng(0), 4000)
     counts = seen + 0.2
-    first = slice(2000)  # the others mirror them
     exact = [scipy.stats.beta(count, counts.sum() - count) for count in counts]
-    for each, share in zip(exact, draws.outcome_probabilities[first, 0].T, strict=True):
+    for each, share in zip(exact, draws.outcome_probabilities[:, 0].T, strict=True):
         assert scipy.stats.kstest(share, each.cdf).pvalue > 0.01
     z = np.random.default_rng(0).standard_normal((2000, len(found.mode)))
     normal = draws_at(problem, found.coordinates, found.mode + z @ found.root.T)
@@ -142,8 +141,8 @@ def test_draws_of_counted_outcomes_are_those_of_the_posterior_itself():
     mean = counts / counts.sum()
     exact_cov = (np.diag(mean) - np.outer(mean, mean)) / (counts.sum() + 1)
     np.testing.assert_allclose(together, exact_cov, atol=0.06 * exact_cov.max())
-    np.testing.assert_allclose(draws.reward.mean(axis=0), fit.reward_weights, atol=1e-9)
     error = np.sqrt(found.covariance[0, 0])
+    np.testing.assert_allclose(draws.reward.mean(axis=0), fit.reward_weights, atol=0.1 * error)
     assert draws.reward.std() == pytest.approx(error, rel=0.06)
     high = np.quantile(draws.reward, 0.95, axis=0)
     np.testing.assert_allclose(high, fit.reward_weights + 1.645 * error, atol=0.15 * error)

@@ -5,13 +5,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.special
 import scipy.stats
 
 import serd_core as sc
+from serd_core.bayes import laplace as laplace_module
 from serd_core.bayes import surrogate as surrogate_module
+from serd_core.bayes.hyperpriors import Scales
+from serd_core.bayes.mixing import effective_sizes
 from serd_core.bayes.surrogate import Surrogate
-from serd_core.bayes.sweeps import needs_sweeps
+from serd_core.bayes.sweeps import can_sweep
 from support.small_problems import apart, sampled
 
 N_CELLS = 6
@@ -160,8 +164,8 @@ def test_sweeps_keep_the_posterior_of_choices_and_moves(belief):
     start = {"initial_weights": np.ones(1), "belief": belief, "prior": prior}
     found = sc.laplace(problem, decisions, sc.fit_mdce_serd(problem, decisions, **start))
     rng = np.random.default_rng(0)
-    assert needs_sweeps(found.posterior, found.coordinates)
-    draws = sc.laplace_draws(found, rng, 6400)
+    assert can_sweep(found.posterior, found.coordinates)
+    draws = sc.laplace_draws(found, rng, 12800)
     exact = exact_marginals(belief)
     believed = scipy.special.logit(draws.believed_outcome_probabilities[:, 0, 0])
     weights = draws.reward[:, 0]
@@ -242,17 +246,90 @@ def test_a_seed_gives_the_same_draws_and_another_seed_others():
         assert found.sample(n, np.random.default_rng(0)).shape == (n, len(found.mode))
 
 
-def test_draws_without_shared_successors_are_normal_in_pairs_that_mirror_each_other():
-    """They cost no solution of Bellman's equation; rewards alone keep such draws, too."""
-    found = fitted(*one_way([1, 0, 2]))
-    assert not needs_sweeps(found.posterior, found.coordinates)
-    weights = sc.laplace_draws(found, np.random.default_rng(0), 100).reward
-    mode = found.coordinates.parameters(found.mode).reward
-    np.testing.assert_allclose(weights[:50] + weights[50:], 2 * mode[None].repeat(50, axis=0))
+def test_draws_of_rewards_alone_are_normal_in_pairs_that_mirror_each_other():
     case = one_way([1, 0, 0])
     fit = sc.fit_mdce_irl_by_likelihood(*case, prior=sc.PriorByEvidence())
     alone = sc.laplace(*case, fit)
-    assert not needs_sweeps(alone.posterior, alone.coordinates)
+    assert not can_sweep(alone.posterior, alone.coordinates)
+    weights = sc.laplace_draws(alone, np.random.default_rng(0), 100).reward
+    mode = alone.coordinates.parameters(alone.mode).reward
+    np.testing.assert_allclose(weights[:50] + weights[50:], 2 * mode[None].repeat(50, axis=0))
+
+
+def autoregressive(n_states, n_chains, keep, rng):
+    """Stationary chains with standard normal states whose lag-1 correlations are `keep`."""
+    state, found = rng.standard_normal((n_chains, len(keep))), []
+    for _ in range(n_states):
+        found.append(state)
+        noise = rng.standard_normal(state.shape)
+        state = keep * state + np.sqrt(1.0 - keep**2) * noise
+    return np.concatenate(found)
+
+
+def test_correlated_states_are_worth_what_their_autocorrelation_leaves_and_drifting_ones_nothing():
+    keep, n = np.array([0.0, 0.5, 0.9]), 40 * 200
+    draws = autoregressive(40, 200, keep, np.random.default_rng(0))
+    worth = effective_sizes(draws, 200, np.array([0.5]))
+    # The median's indicators have the autocorrelation 2 / pi arcsin(keep^t).
+    lags = np.arange(1, 40)
+    seen = 2.0 / np.pi * np.arcsin(keep[:, None] ** lags)
+    expected = n / (1.0 + 2.0 * np.sum((1.0 - lags / 40) * seen, axis=1))
+    np.testing.assert_allclose(worth, expected, rtol=0.25)
+    drifting = draws + 0.02 * np.repeat(np.arange(40), 200)[:, None]
+    assert effective_sizes(drifting, 200, np.array([0.05, 0.5]))[0] == 0.0
+
+
+def test_an_interval_that_has_not_mixed_is_no_number(monkeypatch):
+    found = fitted(*one_way([1, 0, 0]))
+    draws = laplace_module.interval_draws(found, np.random.default_rng(0))
+    assert np.all(np.isfinite(draws.interval(draws.outcome_probabilities)))
+    same = replace(draws, n_chains=1)
+    assert np.all(np.isnan(same.interval(draws.outcome_probabilities)))
+    monkeypatch.setattr(laplace_module, "EFFECTIVE", np.inf)
+    longest = laplace_module.interval_draws(found, np.random.default_rng(0))
+    assert len(longest) == laplace_module.N_CHAINS * laplace_module.MOST_STATES
+    assert np.all(np.isnan(longest.interval(longest.reward)))
+
+
+def test_scales_that_are_learned_have_the_density_of_their_mixture():
+    found = Scales(np.array([2.0])).log_density(np.array([[0.0], [1.5], [-40.0]]))
+    exact = []
+    for weight in (0.0, 1.5, -40.0):
+        integrand = lambda z, w=weight: (  # noqa: E731
+            scipy.stats.norm.pdf(2 * w, scale=3 * np.exp(0.7 * z)) * scipy.stats.norm.pdf(z)
+        )
+        exact.append(np.log(scipy.integrate.quad(integrand, -9, 9, points=[0, 3])[0]))
+    np.testing.assert_allclose(found - found[0], np.array(exact) - exact[0], atol=0.02)
+
+
+def test_a_base_measure_that_is_sampled_is_the_posterior_by_quadrature():
+    """Two models of two outcomes; of the second no move was seen, so it has its base measure."""
+    successors = np.zeros((2, 2, 2), int)
+    successors[0], successors[1] = [0, 1], [1, 1]
+    available = np.array([[True, True], [True, False]])
+    models = sc.OutcomeModels(successors, [[0, 1], [0, 1]], available, 2)
+    problem = sc.TabularProblem(sc.Mdp(models, 0.0), np.zeros((2, 2, 1)), ("none",))
+    decisions = apart(0, 0, np.repeat([0, 1], [12, 1]))
+    fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(sampled=True))
+    found = sc.laplace(problem, decisions, fit)
+    assert found.open_strengths == ("deviation", "pseudo_count")
+    draws = laplace_module.interval_draws(found, np.random.default_rng(0))
+    share, log_c = np.linspace(0.005, 0.995, 199)[:, None], np.linspace(-2.5, 2.5, 101)
+    first, second = 2 * np.exp(log_c) * share, 2 * np.exp(log_c) * (1 - share)
+    log_density = -0.5 * (log_c / 0.5) ** 2
+    log_density = log_density + scipy.special.betaln(first + 12, second + 1)
+    density = np.exp(log_density - scipy.special.betaln(first, second))
+    density /= density.sum()
+    unseen = draws.outcome_probabilities[:, 1, 0]
+    mean = np.sum(density * share)
+    square = np.sum(density * first * (first + 1) / ((first + second) * (first + second + 1)))
+    assert unseen.mean() == pytest.approx(mean, abs=0.03)
+    assert unseen.std() == pytest.approx(np.sqrt(square - mean**2), abs=0.03)
+    counts = draws.pseudo_counts[:, 1]
+    assert np.mean(counts[:, 0] / counts.sum(axis=1)) == pytest.approx(mean, abs=0.03)
+    seen = draws.outcome_probabilities[:, 0, 0]
+    expected = np.sum(density * (first + 12) / (first + second + 13))
+    assert seen.mean() == pytest.approx(expected, abs=0.01)
 
 
 def test_chains_of_which_none_moves_are_no_result(monkeypatch):
@@ -265,5 +342,5 @@ def test_chains_of_which_none_moves_are_no_result(monkeypatch):
         return replace(at, log_others=at.log_others - 1e6 * len(calls))
 
     monkeypatch.setattr(Surrogate, "exact", always_less)
-    with pytest.raises(sc.SerdError, match="none of 240 sweeps was accepted; take a stronger pri"):
+    with pytest.raises(sc.SerdError, match="none of 200 sweeps was accepted; take a stronger pri"):
         sc.laplace_draws(found, np.random.default_rng(0))

@@ -7,6 +7,7 @@ import pytest
 import scipy.stats
 
 import serd_core as sc
+from support.small_problems import gridworld_problem, gridworld_truth, sampled
 from tests.serd_core.uncertainty.test_uncertainty import BANDIT, choices, fit_from_zero, informed
 
 
@@ -80,3 +81,34 @@ def test_the_likelihood_ratio_of_a_coin_is_its_closed_form():
     ):
         with pytest.raises(sc.SerdError, match=sentence):
             sc.likelihood_ratio_test(less, more, number)
+
+
+def misspecified(kind):
+    """(S, A) policy of somebody who takes the best action but for 30 %, or looks less far ahead."""
+    world, weights = gridworld_problem(4, 0.9), np.array([2.0, 3.0])
+    if kind == "wrong discount":
+        hasty = gridworld_problem(4, 0.7)
+        return world, sc.soft_policy(hasty, weights, gridworld_truth()).probabilities
+    best = sc.optimal_policy(world, weights, gridworld_truth()).greedy
+    return world, 0.7 * np.eye(5)[best] + 0.3 / 5
+
+
+@pytest.mark.parametrize("kind", ["epsilon-greedy", "wrong discount"])
+def test_the_sandwich_is_the_spread_of_weights_over_data_sets_of_experts_of_another_kind(kind):
+    problem, policy = misspecified(kind)
+    weights, sandwich, plain = [], [], []
+    for seed in range(80):
+        decisions = sampled(problem, policy, gridworld_truth(), 150, 12, seed)
+        fit = sc.fit_mdce_irl_by_likelihood(
+            problem, decisions, initial_weights=np.zeros(2), dynamics=gridworld_truth()
+        )
+        found = sc.fit_information(problem, decisions, fit)
+        meat = sc.clustered_outer_product(problem, found, decisions)
+        weights.append(fit.reward_weights)
+        sandwich.append(sc.standard_errors(problem, found, meat=meat).reward)
+        plain.append(sc.standard_errors(problem, found).reward)
+    spread = np.std(weights, axis=0, ddof=1)
+    # A standard deviation of 80 values has an error of 8 %.
+    np.testing.assert_allclose(np.mean(sandwich, axis=0), spread, rtol=0.2)
+    if kind == "epsilon-greedy":
+        assert np.all(np.mean(plain, axis=0) < 0.7 * spread)

@@ -65,20 +65,52 @@ def test_x_and_y_have_the_units_of_their_own_names_or_both_none(tmp_path):
         read(tmp_path, wide("x[cm] y"))
 
 
+#: By what is not certain: names of columns, and what the error shows, the right one first.
+NOT_CERTAIN = {
+    "x y pos_x pos_y": ["{x: x, y: y}", "{x: pos_x, y: pos_y}"],
+    "spot_x spot_y ped_x ped_y": [
+        "{robot_columns: [spot_x, spot_y], people_columns: [[ped_x, ped_y]]}"
+    ],
+    "robot_odom_x robot_odom_y robot_gps_x robot_gps_y": [
+        "{robot_columns: [robot_odom_x, robot_odom_y]}",
+        "{robot_columns: [robot_gps_x, robot_gps_y]}",
+    ],
+    "robot_x robot_y x y": ["{robot_columns: [robot_x, robot_y]}", "{robot_columns: [x, y]}"],
+    "base_x base_y map_x map_y": [
+        "{robot_columns: [base_x, base_y]}",
+        "{robot_columns: [map_x, map_y]}",
+    ],
+}
+
+
+@pytest.mark.parametrize("names", NOT_CERTAIN)
+def test_what_is_not_certain_is_an_error_that_shows_mappings_which_work(tmp_path, names):
+    with pytest.raises(FileError, match=r"must have one (pair of columns|column of x)") as raised:
+        read(tmp_path, wide(names))
+    assert mappings_in(raised.value) == NOT_CERTAIN[names]
+    (drive,) = drives(tmp_path, wide(names), NOT_CERTAIN[names][0]).drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+
+
 @pytest.mark.parametrize(
-    ("names", "sentence", "mappings"),
+    ("names", "people"),
     [
-        ("x y pos_x pos_y", "one column of x, it has x and pos_x", ["{x: x}", "{x: pos_x}"]),
-        ("spot_x spot_y ped_x ped_y", "x and y are not among", ["{x: spot_x, y: spot_y}"]),
+        ("robot_x robot_y ped1_x ped1_y ped2_x ped2_y", ["ped_1", "ped_2"]),
+        ("x_robot y_robot x_1 y_1", ["person 1"]),
+        ("agvPosX agvPosY human_x human_y goal_x goal_y", ["human"]),
+        ("robot.pose.x robot.pose.y anna_x anna_y", []),
     ],
 )
-def test_what_is_not_certain_is_an_error_that_shows_mappings(tmp_path, names, sentence, mappings):
-    with pytest.raises(FileError, match=sentence) as raised:
-        read(tmp_path, wide(names))
-    assert mappings_in(raised.value) == mappings
-    x, y, *_ = names.split()
-    (drive,) = drives(tmp_path, wide(names), f"{{x: {x}, y: {y}}}").drives
+def test_a_robot_that_is_named_so_is_read_and_coordinates_that_are_not_used_are_named(
+    tmp_path, names, people
+):
+    found = drives(tmp_path, wide(names))
+    (drive,) = found.drives
     np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+    assert [track.agent for track in found.people] == people
+    for left in ("goal_x, goal_y", "anna_x, anna_y"):
+        said = any(left in each and "not used" in each for each in found.assumed)
+        assert said == (left.split(",")[0] in names)
 
 
 def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
@@ -87,7 +119,7 @@ def test_columns_of_the_same_name_are_named_by_their_numbers(tmp_path):
     np.savetxt(path, table, "%.4f", ",", header="t,x,y,x,y", comments="")
     with pytest.raises(FileError, match=r"it has x and x; write one of them") as raised:
         read_trajectories(path)
-    assert mappings_in(raised.value)[1] == "{x: '4'}"
+    assert mappings_in(raised.value)[1] == "{x: '4', y: '5'}"
     wanted = yaml_model("{x: '4', y: '5'}", TableMapping, name="mapping")
     (track,) = read_trajectories(path, wanted).tracks
     np.testing.assert_allclose(track.position_m, PEOPLE[0], atol=1e-4)

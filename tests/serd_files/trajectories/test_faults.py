@@ -72,11 +72,11 @@ def test_what_cannot_be_is_left_out_or_kept_apart_and_named(tmp_path, table, sen
     [
         (
             WALKS.assign(x=13.4 + WALKS.x / 68_000, y=52.5 + WALKS.y / 111_000),  # degrees
-            r"1\.8e-05 m/s or slower; state unit: and",
+            r"mean speed is 1\.7e-05 m/s; state unit: and",
         ),
         (
             WALKS.assign(x=100 * WALKS.x, y=100 * WALKS.y),
-            "half of them move at 120 m/s or faster; state unit: and",
+            r"it is 120 m/s; in cm it is 1\.20 m/s, stated by {unit: cm}",
         ),
         (
             pd.concat([WALKS, WALKS.add([0, 0, 0, 2.0])]),

@@ -9,7 +9,7 @@ from nav_msgs.msg import Odometry
 
 from serd_bag.messages.plain import Header, Transform
 from serd_core.grid.grid import Action
-from serd_ros.convert.frames import Frames
+from serd_ros.convert.frames import Frames, NotYetError
 from serd_ros.convert.motion import from_intent, from_odometry, to_intent, to_pose
 from serd_ros.convert.sensors import from_people_message, to_people_message
 from serd_ros.errors import MessageError
@@ -110,6 +110,57 @@ def test_a_frame_with_two_parents_is_refused_until_it_has_had_one_for_a_while(fr
     assert_refused()
     odom(3.4)
     assert frames.place("base_link", "map").stamp_ns == at(3.4)["stamp_ns"]
+
+
+def moving(rate_hz, *, ahead_s=0.0, lasts_s=12.0):
+    """Frames in which odom turns at 1 rad/s in the map, and the base drives at 1 m/s in odom."""
+    known = Frames()
+    for tick in range(round(lasts_s * rate_hz)):
+        time_s = 100.0 + tick / rate_hz
+        stamp = {"stamp_ns": round(time_s * SECOND)}
+        known.take(transform("odom", "base_link", time_s - 100.0, 0.0, 0.0, **stamp), static=False)
+        late = {"stamp_ns": round((time_s + ahead_s) * SECOND)}
+        turned_rad = time_s + ahead_s - 100.0
+        known.take(transform("map", "odom", 0.0, 0.0, turned_rad, **late), static=False)
+    return known
+
+
+def test_a_frame_is_placed_where_it_was_at_a_stamp():
+    known = moving(20.0)
+    for after_s in (2.5, 4.321, 11.9):
+        x_m, y_m, yaw_rad = known.place("base_link", "map", at_ns=round((100 + after_s) * 1e9)).pose
+        turned_rad = math.remainder(after_s, math.tau)
+        expected = (after_s * math.cos(after_s), after_s * math.sin(after_s), turned_rad)
+        assert (x_m, y_m, yaw_rad) == pytest.approx(expected, abs=1e-6)
+
+
+def test_without_a_stamp_frames_are_placed_when_all_transforms_have_reached():
+    """As tf2 does for time 0: a localisation that stamps ahead is interpolated, one that lags holds
+    the pose back."""
+    ahead, behind = moving(20.0, ahead_s=0.9), moving(20.0, ahead_s=-0.4)
+    for known, after_s in ((ahead, 11.95), (behind, 11.55)):
+        placed = known.place("base_link", "map")
+        assert placed.stamp_ns == round((100 + after_s) * 1e9)
+        assert math.hypot(*placed.pose[:2]) == pytest.approx(after_s, abs=1e-6)
+        assert placed.pose[2] == pytest.approx(math.remainder(after_s, math.tau), abs=1e-6)
+
+
+def test_transforms_are_not_extrapolated_beyond_what_is_kept():
+    known = moving(20.0, lasts_s=25.0)
+    with pytest.raises(NotYetError, match=r"must reach the stamp of a message, got 'odom' to 'bas"):
+        known.place("base_link", "map", at_ns=125 * SECOND)
+    with pytest.raises(MessageError, match=r"at most as old as /tf is kept \(10 s\), got one"):
+        known.place("base_link", "map", at_ns=104 * SECOND)
+    kept = known.place("base_link", "map", at_ns=round(114.96 * SECOND))
+    assert math.hypot(*kept.pose[:2]) == pytest.approx(14.96, abs=1e-6)
+
+
+def test_transforms_of_a_clock_that_falls_back_begin_anew():
+    known = moving(20.0)
+    for parent, child in (("map", "odom"), ("odom", "base_link")):
+        known.take(transform(parent, child, 7.0, 0.0, 0.0, stamp_ns=SECOND), static=False)
+    placed = known.place("base_link", "map")
+    assert (placed.stamp_ns, placed.pose) == (SECOND, (14.0, 0.0, 0.0))
 
 
 def test_a_transform_that_has_stopped_is_named(frames):

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 
 from serd_app.drives.drive import EpisodeMark
+from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_ros.convert import diagnostics, motion, sensors
+from serd_ros.convert import diagnostics, motion, sensors, typed
 from serd_ros.convert import stamp as stamps
 from serd_ros.errors import MessageError
-from serd_ros.nodes.strategy import to_arrival_message
 from serd_sim.scenario.occupancy import OccupancyRaster
 from serd_sim.scenario.settings import LidarSettings
 from serd_sim.world.command import Command
@@ -49,7 +49,7 @@ def test_waypoints_commands_and_intents_survive_exactly(x, y):
     at_ns = 1_500_000_000
     waypoint, command = Waypoint(x, y), Command(x, y)
     message = motion.to_waypoint_message(waypoint, 1.5)
-    assert motion.from_waypoint_message(message) == (at_ns, waypoint)
+    assert motion.from_waypoint_message(message)[:2] == (at_ns, waypoint)
     assert motion.from_twist(motion.to_twist(command)) == command
     stamped = motion.to_twist_stamped(command, 1.5)
     assert motion.from_twist_stamped(stamped) == (at_ns, command)
@@ -195,11 +195,16 @@ def test_an_arrival_law_survives_with_its_time(now_s, shares):
     kept = np.diff(cdf, prepend=0.0) >= 1.1e-3
     cdf = np.concatenate([[0.0], cdf[kept]])
     law = ArrivalLaw(np.arange(len(cdf)) * 0.5, cdf, float(cdf[-1]))
-    message = to_arrival_message(law, now_s)
-    assert [dim.size for dim in message.layout.dim] == [2, len(message.data) // 2]
-    times_s, back_cdf = np.array(message.data).reshape(2, -1)
-    assert times_s[0] == now_s
-    back = ArrivalLaw(times_s - now_s, back_cdf, float(back_cdf[-1]))
+    data = typed.to_arrival_forecast(
+        law, now_s, elapsed_s=1.0, goal_m=(2.0, 3.0), deadline_s=1.0, shares=(0.5,)
+    )
+    message = rosbags_types().deserialize_cdr(data, "serd_msgs/msg/ArrivalForecast")
+    assert stamps.stamp_ns(message.header.stamp) == stamps.stamp_ns(stamps.to_stamp(now_s))
+    assert (message.probability, message.goal.y) == (law.probability_by(1.0), 3.0)
+    median_s = law.quantile_s(0.5)
+    assert message.quantiles[0] == median_s or (median_s is None and np.isnan(message.quantiles[0]))
+    assert message.mean == pytest.approx(0.5 * (1.0 - law.cdf[:-1]).sum())
+    back = ArrivalLaw(message.times, message.probabilities, float(message.probabilities[-1]))
     asked = np.linspace(0.25, 20.25, 41)
     expected = law.probability_by(asked)
     np.testing.assert_allclose(back.probability_by(asked), expected, atol=1e-3 + 1e-9)

@@ -262,6 +262,35 @@ def test_people_in_the_frame_of_a_camera_are_brought_into_the_map(listening):
     np.testing.assert_allclose(people.velocity_mps, [[0.5, 0.0], [0.0, 0.0]], atol=1e-9)
 
 
+def test_people_seen_from_a_robot_that_drives_are_where_they_were_at_their_stamp(listening):
+    """They come before the transform of their stamp, and wait for it for a second."""
+    running, node = listening.running, listening.running.node
+    follow_transforms(node.endpoints)
+    node.create_publisher(raw_message_class(message_type(TF_TYPE)), topics.TF, qos.TF)
+    wait_until(lambda: running.subscriptions("tf"), turn=running.call_timers)
+
+    def drive_to(time_s):
+        place = ("map", "camera", (10.0 * (time_s - 100.0), 0.0, 0.0), time_s)
+        running.receive("tf", Messages().transforms(place))
+
+    drive_to(100.0)
+    listening.publish_as(PEOPLE)
+    listening.receive(PEOPLE, 1, frame="camera")
+    assert not listening.taken
+    drive_to(100.04)
+    assert not listening.taken
+    drive_to(100.14)
+    (people,) = [people for _, people in listening.taken]
+    expected_m = START_M + 0.1 * WALKS_MPS + [1.0, 0.0]
+    np.testing.assert_allclose(people.position_m, expected_m, atol=1e-6)
+    listening.receive(PEOPLE, 9, frame="camera")
+    running.wait(1.1)
+    drive_to(100.2)
+    assert "must reach the stamp of a message" in str(running.rejected["rejected.people"])
+    assert len(listening.taken) == 1
+    running.assert_alive()
+
+
 def test_a_type_that_holds_no_people_is_named_until_one_that_does_is_published_beside_it(listening):
     """The name of the type that holds no people sorts first."""
     kind = raw_message_class(message_type("nav_msgs/msg/Odometry"))

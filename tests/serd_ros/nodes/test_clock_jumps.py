@@ -6,6 +6,7 @@ from serd_ros.convert.stamp import Jump, StampClock, stamp_s
 from serd_sim.episodes.episode import EpisodeStart
 from support.nodes_in_process import node_in_process
 from support.valid_messages import GOAL_M, valid_message
+from support.waiting import wait_until
 
 SECOND_NS = 1_000_000_000
 OBSERVATION = ("pedestrians", "odom", "robot_pose")
@@ -100,7 +101,7 @@ def test_a_strategy_without_resets_waits_for_a_goal_in_a_new_session(save_model_
             assert not runner.driving
             runner._starter._look.cancel()  # its graph is there
             running.receive("goal_pose", valid_message("goal_pose", time_s))
-            assert runner.driving
+            wait_until(lambda: running.call_timers() or runner.driving)  # planned in a thread
             feed(running, time_s + 2.0)
             assert time_s <= stamp_s(running.sent["waypoint"].header.stamp) <= time_s + 2.0
         assert runner.scenario.goal_area_m[0][1] <= GOAL_M[1]

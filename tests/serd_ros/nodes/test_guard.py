@@ -97,13 +97,13 @@ class Drive:
 
     def __init__(self, running, monkeypatch):
         self.running, self.time_s, self.north_m = running, START, 6.5
-        self.frozen_m = self.north_m
+        self.frozen_m, self.speed_mps = self.north_m, 0.3
         monkeypatch.setattr(guard.GuardNode, "now_s", lambda _: self.time_s)
 
     def tick(self, faults=(), *, override=False, commanded=True):
         """Speed after the messages of a period; faults: by topic."""
         self.time_s += 0.05
-        self.north_m += 0.015
+        self.north_m += 0.05 * self.speed_mps
         self.frozen_m = self.frozen_m if faults else self.north_m
         self.running.wait(0.05)
         for topic in INPUTS:
@@ -120,7 +120,7 @@ class Drive:
     def message(self, topic, fault):
         frozen, time_s = fault == "frozen", self.time_s - (1.0 if fault == "late" else 0.0)
         north_m = self.frozen_m if frozen else self.north_m
-        seen = observation_at(3.5, north_m, 1.571, time_s=time_s, speed_mps=0.3)
+        seen = observation_at(3.5, north_m, 1.571, time_s=time_s, speed_mps=self.speed_mps)
         if topic == "robot_pose":
             return to_pose_stamped(seen.pose, time_s)
         if topic == "odom":
@@ -177,3 +177,47 @@ def test_a_command_from_before_a_pause_of_the_process_does_not_drive(drive):
     drive.running.wait(0.6)
     assert drive.tick(commanded=False) == 0.0
     drive.until(0.3)
+
+
+def test_limits_become_stricter_while_the_robot_drives_and_looser_while_it_stands(drive):
+    result = drive.running.set(max_vel_x=0.1, collision_margin=0.05)
+    assert result.successful, result.reason
+    assert drive.until(0.1) < 0.1
+    assert "cmd_vel_raw: faster than allowed" in drive.running.health["reasons"]
+    for wanted in ({"max_vel_x": 0.2}, {"radius": 0.1}, {"max_vel_x": 0.05, "min_points": 3}):
+        refused = drive.running.set(**wanted)
+        assert "may allow more only while the robot stands" in refused.reason
+        assert "which shows 0.30 m/s" in refused.reason
+    assert drive.running.node.get_parameter("max_vel_x").value == 0.1
+    drive.speed_mps = 0.0
+    drive.until(0.1)
+    assert drive.running.set(max_vel_x=0.2, radius=0.1).successful
+    drive.speed_mps = 0.3
+    drive.until(0.2)
+    drive.running.assert_alive()
+
+
+def test_a_footprint_that_holds_the_one_before_is_taken_while_the_robot_drives(drive):
+    box = "[[{0}, 0.3], [-{0}, 0.3], [-{0}, -0.3], [{0}, -0.3]]"
+    assert drive.running.set(footprint=box.format(0.5)).successful
+    assert drive.running.set(footprint=box.format(0.6)).successful
+    assert "footprint may allow more" in drive.running.set(footprint=box.format(0.5)).reason
+    refused = drive.running.set(footprint="[[0.5, 0.3]]")
+    assert refused.reason.startswith("parameter of guard: footprint must be corners as in")
+    assert drive.running.node.get_parameter("footprint").value == box.format(0.6)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "sentence"),
+    [
+        ({"slowdown_ratio": 1.5}, "slowdown_ratio must be less than or equal to 1, got 1.5"),
+        ({"source_timeout": 0.1}, "slowdown_timeout must be less than source_timeout"),
+        ({"acc_lim_x": 1.0}, "acc_lim_x is fixed while guard runs; end the node and start it with"),
+        ({"max_vel_x": math.nan}, "max_vel_x must be"),
+    ],
+)
+def test_what_a_running_guard_cannot_take_is_refused_with_the_reason(running, wanted, sentence):
+    refused = running.set(**wanted)
+    assert not refused.successful
+    assert sentence in refused.reason
+    running.assert_alive()

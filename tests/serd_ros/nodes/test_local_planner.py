@@ -3,7 +3,7 @@
 import pytest
 
 from serd_core.grid.grid import Action
-from serd_ros.convert.motion import to_intent, to_waypoint_message
+from serd_ros.convert.motion import from_pose_stamped, to_intent, to_waypoint_message
 from serd_sim.world.waypoint import Waypoint
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
@@ -118,3 +118,40 @@ def test_in_lock_step_a_decision_that_leads_nowhere_ends_after_patience_and_one_
     n_ticks = round(length_s / 0.05)
     assert all(lockstep.answered(10.0 + 0.05 * tick, 3.5) for tick in range(1, n_ticks))
     assert not lockstep.answered(10.0 + length_s, 3.5)
+
+
+def test_a_robot_that_stands_at_its_waypoint_turns_to_the_heading_of_it(planner):
+    def turn_at(time_s, heading_rad):
+        here = planner.sent_pose
+        message = to_waypoint_message(Waypoint(*here[:2]), time_s, here[2] + heading_rad)
+        planner.receive("waypoint", message)
+        observe(planner, time_s)
+        return planner.sent["cmd_vel_raw"].angular.z
+
+    pose = valid_message("robot_pose", 10.0)
+    planner.sent_pose = from_pose_stamped(pose)[1]
+    assert turn_at(10.0, 1.0) > 0.3
+    assert turn_at(10.1, -1.0) < -0.3
+    assert turn_at(10.2, 0.05) == 0.0
+    planner.receive("intent", to_intent(Action.WAIT, 10.3))
+    observe(planner, 10.3)
+    assert planner.sent["cmd_vel_raw"].angular.z == 0.0
+    planner.assert_alive()
+
+
+def test_speeds_of_a_running_planner_can_be_set_and_others_need_another_start(planner):
+    planner.receive("waypoint", valid_message("waypoint", 10.0))
+    observe(planner, 10.0)
+    assert planner.set(max_vel_x=0.05).successful
+    for number in range(1, 10):
+        planner.receive("waypoint", valid_message("waypoint", 10.0 + 0.1 * number))
+        observe(planner, 10.0 + 0.1 * number)
+    assert 0.0 <= planner.sent["cmd_vel_raw"].linear.x <= 0.05
+    for wanted, sentence in (
+        ({"max_vel_x": 50.0}, "max_vel_x"),
+        ({"max_vel_x": -1.0}, "max_vel_x must be greater than 0"),
+        ({"vx_samples": 5}, "vx_samples is fixed while local_planner runs"),
+    ):
+        refused = planner.set(**wanted)
+        assert (refused.successful, sentence in refused.reason) == (False, True), refused.reason
+    planner.assert_alive()

@@ -85,3 +85,14 @@ def test_a_lidar_in_a_frame_of_its_own_is_placed_by_parameters_and_others_need_t
         assert running.node.callbacks.n_rejected == 1
         observe(running, 10.1)
         running.assert_alive()
+
+
+def test_limits_of_the_scans_change_while_it_runs(running):
+    running.receive("scan", scan_at(10.0))
+    for time_s, n_published in ((10.0, 1), (10.3, 2)):
+        observe(running, time_s)
+        assert running.published["pedestrians"] == n_published
+    assert running.set(source_timeout=0.3).successful
+    observe(running, 10.35)
+    assert running.published["pedestrians"] == 2
+    assert running.health["message"] == "scan: stamp too old"

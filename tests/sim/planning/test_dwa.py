@@ -19,8 +19,11 @@ from serd_sim.planning.rollout_costs import (
     RolloutCosts,
     predict_nearby,
 )
+from serd_sim.safety.motion import compose, out_of_frame
+from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.scenario.settings import RobotSettings
+from serd_sim.world.command import limited_velocity
 from serd_sim.world.waypoint import Waypoint
 from support.observations import observation_at
 
@@ -211,3 +214,24 @@ def test_a_person_without_a_finite_position_is_left_out_and_one_without_a_veloci
     people = predicted([(math.nan, 2.0), (2.0, 2.0), (2.0, 3.0), (2.0, 4.0)], velocity)
     np.testing.assert_array_equal(people[:, 0], [[2.0] * 4, [2.0] * 4, [2.0, 2.5, 3.0, 4.0]])
     np.testing.assert_array_equal(people[:, 1], [[2.0] * 4, [3.0] * 4, [4.0] * 4])
+
+
+def test_a_long_robot_is_driven_so_that_no_corner_meets_a_wall_or_a_person():
+    """It turns off a wall beside it, which it could not do in place, past a person, and back."""
+    text = "[[0.5, 0.3], [-0.5, 0.3], [-0.5, -0.3], [0.5, -0.3]]"
+    scenario = load_scenario("hallway").with_values("robot", footprint=text, radius_m=0.3)
+    planner, body, robot = make_planner(scenario), scenario.robot.outline, scenario.robot
+    walls, outline_m = wall_distance_raster(scenario), body.outline_m(0.02)
+    person_m, pose, speeds, tick = np.array([[3.4, 4.5]]), (0.4, 3.0, math.pi / 2), (0.0, 0.0), 0
+    for goal in (Waypoint(3.5, 3.5), Waypoint(3.5, 5.5), Waypoint(1.0, 3.5)):
+        while math.hypot(pose[0] - goal.x_m, pose[1] - goal.y_m) > 0.3:
+            seen = observation_at(
+                *pose, tick=tick, speed_mps=speeds[0], yaw_rate_radps=speeds[1], people=person_m
+            )
+            speeds = limited_velocity(planner.step(seen, goal), *speeds, robot, 0.05)
+            moved = compose((0.0, 0.0, 0.5 * speeds[1] * 0.05), (speeds[0] * 0.05, 0.0, 0.0))
+            pose = compose(pose, (*moved[:2], speeds[1] * 0.05))
+            tick += 1
+            assert walls.at(*out_of_frame(outline_m, pose).T).min() > 0.0
+            assert body.gaps_m(np.array([pose]), person_m).min() > 0.25
+            assert tick < 800, "it does not arrive"

@@ -6,13 +6,15 @@ import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO
-from typing import Any, NamedTuple
+from tempfile import TemporaryFile
+from typing import Any, BinaryIO, NamedTuple
 
 import lz4.frame
 import zstandard
 
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, most_unpacked
+from serd_bag.formats.mcap.checksum import wrong_bit
 from serd_bag.formats.mcap.records import RECORD_HEAD
 from serd_bag.formats.mcap.window import FileWindow
 
@@ -20,8 +22,10 @@ from serd_bag.formats.mcap.window import FileWindow
 _FIELDS = struct.Struct("<QQQII")
 _LONGEST_NAME = 16
 _SIZE = struct.Struct("<Q")
-#: Bytes that are decompressed at once: zstd makes 32 MiB of them at most, lz4 copies the rest.
-_ZSTD_PIECE, _LZ4_PIECE = 1024, 1 << 20
+#: Bytes that are decompressed at once: zstd makes 8 MiB of them at most, lz4 copies the rest.
+_ZSTD_PIECE, _LZ4_PIECE = 256, 1 << 20
+#: A chunk may unpack to this many times its size, or to so many bytes, if it states fewer.
+_MOST_PACKED, _LEAST_UNPACKED = 10, 1 << 20
 #: More bytes than this after the fields of an empty chunk are its records, not an extension.
 _LARGEST_EXTENSION = 1024
 #: Bytes with which a chunk can begin: opcode, length, times, sizes, checksum, compression.
@@ -70,11 +74,17 @@ class ChunkUnpacker:
         self._window, self._limit = window, limit
         self._n_left = most_unpacked(file_size)
         self._n_tried = 2 * window.size + LARGEST_CONTENT
+        self.n_repaired = 0
 
     @property
     def may_try(self) -> bool:
         """Whether bytes that may be no chunk are still tried."""
         return self._n_tried > 0
+
+    def may_use(self, size: int) -> bool:
+        """Whether so many more bytes that may be no chunk are tried."""
+        self._n_tried -= size
+        return self._n_tried >= 0
 
     def unpacked(
         self, head: ChunkHead, offset: int, length: int, *, is_guess: bool
@@ -109,6 +119,56 @@ class ChunkUnpacker:
             raise fault
         return found
 
+    def remains(self, head: ChunkHead, offset: int) -> tuple[bytes, int, int]:
+        """What is left of the records of a damaged chunk: bytes, and begin and end of them there.
+
+        Compressed ones are unpacked until that fails.
+        """
+        size = min(head.data_size, LARGEST_CONTENT, self._limit - offset - head.data_start)
+        if size <= 0 or not self.may_use(size):
+            return b"", 0, 0
+        block, at = self._window.locate(offset, head.data_start + size)
+        first = at + head.data_start
+        data, unpacked = memoryview(block)[first : first + size], BytesIO()
+        pieces = (bytes(data[at : at + _ZSTD_PIECE]) for at in range(0, size, _ZSTD_PIECE))
+        parts = _parts(head.compression, pieces)
+        if parts is None:
+            return block, first, first + len(data)
+        most = min(head.size, LARGEST_CONTENT)
+        with suppress(zstandard.ZstdError, RuntimeError, MemoryError, BagError):
+            for part in parts[0]:
+                self._use(len(part))
+                if unpacked.tell() + len(part) > most:
+                    break
+                unpacked.write(part)
+        return unpacked.getvalue(), 0, unpacked.tell()
+
+    def unpacked_file(self, head: ChunkHead, offset: int) -> BinaryIO:
+        """A temporary file with the records of a compressed chunk that is too large for memory.
+
+        Raises BagError if they do not fit their checksum or cannot be unpacked.
+        """
+        begin, end = offset + head.data_start, offset + head.data_start + head.data_size
+        pieces = (
+            self._window.read(place, min(_ZSTD_PIECE, end - place))
+            for place in range(begin, end, _ZSTD_PIECE)
+        )
+        parts, digest = _parts(head.compression, pieces), 0
+        if parts is None:
+            raise _unknown(head.compression)
+        file = TemporaryFile()  # noqa: SIM115 (its caller closes it)
+        try:
+            for part in parts[0]:
+                self._use(len(part))
+                digest = zlib.crc32(part, digest)
+                file.write(part)
+        except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
+            raise BagError(f"a chunk cannot be unpacked ({error})") from None
+        if head.checksum not in (0, digest):
+            raise BagError("the checksum of a chunk does not fit its content")
+        file.flush()
+        return file
+
     def _records(self, head: ChunkHead, offset: int, *, is_certain: bool) -> tuple[bytes, int, int]:
         """Unpack data of the size in the head; returns bytes, begin and end of the records."""
         size = head.data_start + head.data_size
@@ -125,8 +185,14 @@ class ChunkUnpacker:
             raise BagError("a chunk is longer than its record")
         unpacked = self._decompressed(head, data) if head.compression else None
         records = data if unpacked is None else unpacked
-        if head.checksum and zlib.crc32(records) != head.checksum:
-            raise BagError("the checksum of a chunk does not fit its content")
+        if head.checksum and (checksum := zlib.crc32(records)) != head.checksum:
+            place = None if unpacked else wrong_bit(len(data), checksum ^ head.checksum)
+            if place is None:
+                raise BagError("the checksum of a chunk does not fit its content")
+            repaired = bytearray(data)
+            repaired[place[0]] ^= place[1]
+            self.n_repaired += 1
+            return bytes(repaired), 0, len(repaired)
         if unpacked is None:
             return block, first, first + len(data)
         return unpacked, 0, len(unpacked)
@@ -141,22 +207,20 @@ class ChunkUnpacker:
                     self._use(size)
                     with suppress(zstandard.ZstdError):
                         return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-                decompressor = zstandard.ZstdDecompressor().decompressobj()
-                return self._joined(_zstd_parts(decompressor, data), decompressor)
-            if head.compression == "lz4":
-                decompressor = lz4.frame.LZ4FrameDecompressor()
-                return self._joined(_lz4_parts(decompressor, data), decompressor)
+            parts = _parts(head.compression, data)
+            if parts is not None:
+                most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
+                return self._joined(*parts, min(most, LARGEST_CONTENT))
         except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
             raise BagError(f"a chunk cannot be unpacked ({error})") from None
-        known = "zstd, lz4 or none"
-        raise BagError(f"compression of a chunk must be {known}, got {head.compression!r}")
+        raise _unknown(head.compression)
 
-    def _joined(self, parts: Iterator[bytes], decompressor: Any) -> bytes:
+    def _joined(self, parts: Iterator[bytes], decompressor: Any, most: int) -> bytes:
         records = BytesIO()
         for part in parts:
             self._use(len(part))
-            if records.tell() + len(part) > LARGEST_CONTENT:
-                raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, it has more")
+            if records.tell() + len(part) > most:
+                raise BagError(f"a chunk must have {most} bytes at most, it has more")
             records.write(part)
         if not decompressor.eof:
             raise BagError("a chunk cannot be unpacked (it ends early)")
@@ -168,17 +232,40 @@ class ChunkUnpacker:
             raise BagError("the file unpacks to more than one of its size can hold")
 
 
-def _zstd_parts(decompressor: Any, data: memoryview) -> Iterator[bytes]:
-    for start in range(0, len(data), _ZSTD_PIECE):
-        yield decompressor.decompress(data[start : start + _ZSTD_PIECE])
+def _parts(
+    compression: str, data: memoryview | Iterator[bytes]
+) -> tuple[Iterator[bytes], Any] | None:
+    """The parts that a decompressor makes of the data, and the decompressor; None for no known
+    compression."""
+    if compression == "zstd":
+        decompressor = zstandard.ZstdDecompressor().decompressobj()
+        return (
+            decompressor.decompress(piece) for piece in _pieces(data, _ZSTD_PIECE)
+        ), decompressor
+    if compression == "lz4":
+        frame = lz4.frame.LZ4FrameDecompressor()
+        return _lz4_parts(frame, _pieces(data, _LZ4_PIECE)), frame
+    return None
 
 
-def _lz4_parts(decompressor: Any, data: memoryview) -> Iterator[bytes]:
-    for start in range(0, len(data), _LZ4_PIECE):
-        piece = bytes(data[start : start + _LZ4_PIECE])
+def _pieces(data: memoryview | Iterator[bytes], size: int) -> Iterator[bytes]:
+    if not isinstance(data, memoryview):
+        yield from data
+        return
+    for start in range(0, len(data), size):
+        yield bytes(data[start : start + size])
+
+
+def _lz4_parts(decompressor: Any, pieces: Iterator[bytes]) -> Iterator[bytes]:
+    for piece in pieces:
         while not decompressor.eof:
             part = decompressor.decompress(piece, max_length=_LZ4_PIECE)
             yield part
             piece = b""
             if decompressor.needs_input or not part:
                 break
+
+
+def _unknown(compression: str) -> BagError:
+    known = "zstd, lz4 or none"
+    return BagError(f"compression of a chunk must be {known}, got {compression!r}")

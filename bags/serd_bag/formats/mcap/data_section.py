@@ -10,6 +10,7 @@ import struct
 from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
+from contextlib import ExitStack
 from typing import NamedTuple
 
 import numpy as np
@@ -19,9 +20,9 @@ from mcap.stream_reader import MAGIC_SIZE
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from serd_bag.damage import DamageLog
+from serd_bag.damage import FileScan
 from serd_bag.errors import BagError
-from serd_bag.formats.limits import LARGEST_CONTENT, most_records
+from serd_bag.formats.limits import LARGEST_CONTENT, LARGEST_MESSAGE, MOST_PACKED, most_records
 from serd_bag.formats.mcap.chunks import (
     CHUNK_PATTERN,
     LONGEST_HEAD,
@@ -48,16 +49,23 @@ _LAST_OPCODE = int(Opcode.DATA_END)
 _CHECKSUM = struct.Struct("<I")
 #: Bytes with which a schema, channel or message can begin, and how many records follow each other
 #: where it does.
-_RUN_PATTERN = re.compile(rb"[\x03-\x05].{5}\0{3}", re.DOTALL)
+RUN_PATTERN = re.compile(rb"[\x03-\x05].{5}\0{3}", re.DOTALL)
 _LEAST_RUN = 4
+#: Bytes of a large chunk that are read at once.
+_BLOCK = 8 << 20
 #: (number of messages, 3): channel, log time, offset in the chunk
 _Positions = NDArray[np.uint64]
+
+
+#: Of records whose chunk has lost its head; its times exclude none.
+_NO_HEAD = ChunkHead(1, 0, 0, 0, "", 0, 0)
 
 
 class Area(NamedTuple):
     """Bytes from `start` to `end` of a block that are records.
 
-    is_chunk: all of them; is_torn: the last one may be cut off.
+    is_chunk: all of them; is_torn: the last one may be cut off; doubted: head of the damaged chunk
+    that they are of.
     """
 
     block: bytes
@@ -65,6 +73,7 @@ class Area(NamedTuple):
     end: int
     is_chunk: bool = True
     is_torn: bool = False
+    doubted: ChunkHead | None = None
 
 
 class DataSection:
@@ -80,7 +89,7 @@ class DataSection:
     """
 
     def __init__(
-        self, window: FileWindow, end: FileEnd, log: DamageLog, size: int, *, thorough: bool
+        self, window: FileWindow, end: FileEnd, scan: FileScan, size: int, *, thorough: bool
     ) -> None:
         self.n_records = most_records(size)
         self.consumed = self.last = 0
@@ -89,7 +98,7 @@ class DataSection:
         self.visited: set[int] = set()
         self.ended = False
         self.has_checksums = True
-        self._window, self._end, self._log = window, end, log
+        self._window, self._end, self._log, self._mark = window, end, scan.log, scan.mark
         self._thorough = thorough
         #: of the indexes behind the last chunk: entries, as many as the chunk has messages, number
         #: of all entries and of indexes; the entry of the summary that the chunk should have
@@ -108,13 +117,15 @@ class DataSection:
         self._has_chunks = bool(end.index.starts)
         self._offset = self._check_beginning()
 
-    def note(self, what: str) -> None:
+    def note(self, what: str, *, is_harmless: bool = False) -> None:
         """Add a fault at the present place."""
-        self._log.note(self._offset, what)
+        self._log.note(self._offset, what, is_harmless=is_harmless)
 
     def stop(self) -> None:
         """Read no further, since there are too many records."""
-        self.note("it has more records than a file of its size can have; the rest is not read")
+        what = "it has more records than a file of its size can have; the rest is not read"
+        self.note(what)
+        self._mark(self._offset, self._limit, "lost", what)
         self._offset = self._limit
 
     def _check_beginning(self) -> int:
@@ -127,7 +138,7 @@ class DataSection:
             expected, got = MCAP0_MAGIC.hex(" "), magic.hex(" ")
             self.note(f"an MCAP file begins with {expected}, this with {got}")
             if opcode != bytes([Opcode.HEADER]):
-                return self._next_chunk()
+                return 0
         elif opcode and opcode[0] in range(Opcode.HEADER + 1, _LAST_OPCODE + 1):
             self.note("the first record must be a header")
         return MAGIC_SIZE
@@ -147,7 +158,7 @@ class DataSection:
                 self._has_chunks = True
                 yield from self._chunk(length)
             elif opcode != Opcode.MESSAGE_INDEX and self._is_index(length):
-                self.note("the opcode of a message index is wrong")
+                self.note("the opcode of a message index is wrong", is_harmless=True)
                 self._offset = self._chunk_end = self._offset + RECORD_HEAD.size + length
             elif opcode in IN_AREAS:
                 yield from self._run(length)
@@ -188,10 +199,22 @@ class DataSection:
         head = self._window.read(offset, RECORD_HEAD.size).hex(" ")
         following = self._next_chunk()
         if beyond and opcode and following == self._limit:
-            self.note(f"the file ends within a record of {length} bytes")
+            what = f"the file ends within a record of {length} bytes"
         else:
-            self.note(f"no record begins with {head}")
+            what = f"no record begins with {head}"
+        self.note(what)
+        self._mark(offset, following, "lost", what)
+        if self._has_chunks:  # else it holds no records, which would have been found
+            yield from self._remains(offset, following)
         self._offset = following
+
+    def _remains(self, begin: int, end: int) -> Iterator[Area]:
+        """Bytes between records, in which those of a chunk without its head may be."""
+        for start in range(begin, end, LARGEST_CONTENT):
+            size = min(LARGEST_CONTENT, end - start)
+            if self._unpacker.may_use(size):
+                block, at = self._window.locate(start, size)
+                yield Area(block, at, min(len(block), at + size), is_torn=True, doubted=_NO_HEAD)
 
     def _next_chunk(self) -> int:
         """The next chunk of the summary, or what begins like one; the end where there is none."""
@@ -211,7 +234,7 @@ class DataSection:
         """Return where the next records follow each other, in a file without chunks."""
         place = self._sound_end
         while True:
-            found = self._window.search(_RUN_PATTERN, place, RECORD_HEAD.size)
+            found = self._window.search(RUN_PATTERN, place, RECORD_HEAD.size)
             if found is None or found >= limit:
                 return limit
             if self._are_records(found, _LEAST_RUN, _LAST_OPCODE):
@@ -223,34 +246,79 @@ class DataSection:
         offset, end = self._offset, self._offset + RECORD_HEAD.size + length
         is_guess, self._is_guess = self._is_guess, False
         self.visited.add(offset)
+        head = None
         try:
             head = chunk_head(self._window.read(offset, LONGEST_HEAD))
             torn = offset + head.data_start + head.data_size > self._limit
             if end > self._limit and torn and not (is_guess or self._end.complete):
-                self.note(f"the file ends within a record of {length} bytes")
-                yield self._torn(head)
+                what = f"the file ends within a record of {length} bytes"
+                self.note(what)
+                yield Area(*self._unpacker.remains(head, offset), is_torn=True)
+                self._mark(offset, self._limit, "partly read", what)
                 self._offset = self._limit
+                return
+            size = max(head.size, head.data_size) if head.compression else head.data_size
+            if size > LARGEST_CONTENT and not (torn or is_guess):
+                yield from self._large_chunk(head, end)
                 return
             area = self._records_of(head, length, is_guess)
         except BagError as error:
-            self.note(str(error))
-            if is_guess or self._has_chunks:
-                self._sound_end = max(self._sound_end, offset + 1)
-            if self._unpacker.may_try and (is_guess or not self._are_records(end, 1)):
-                self._offset = self._next_chunk()
-            else:
-                self._offset = min(end, self._limit)
+            yield from self._damaged_chunk(head, end, is_guess, str(error))
             return
         self.positions = array("Q") if self._thorough else None
         yield area
 
+    def _damaged_chunk(
+        self, head: ChunkHead | None, end: int, is_guess: bool, fault: str
+    ) -> Iterator[Area]:
+        """What is left of the records of a chunk, in doubt."""
+        offset = self._offset
+        self.note(fault)
+        remains = (b"", 0, 0) if head is None else self._unpacker.remains(head, offset)
+        if remains[2] > remains[1]:
+            yield Area(*remains, is_torn=True, doubted=head)
+        if is_guess or self._has_chunks:
+            self._sound_end = max(self._sound_end, offset + 1)
+        if self._unpacker.may_try and (is_guess or not self._are_records(end, 1)):
+            self._offset = self._next_chunk()
+        else:
+            self._offset = min(end, self._limit)
+        self._mark(offset, self._offset, "partly read" if remains[0] else "lost", fault)
+
+    def _large_chunk(self, head: ChunkHead, end: int) -> Iterator[Area]:
+        """The records of a chunk that is too large for memory, some megabytes at a time."""
+        begin, fault = self._offset + head.data_start, ""
+        with ExitStack() as stack:
+            window, stop, longest = self._window, begin + head.data_size, LARGEST_MESSAGE
+            if head.compression:
+                file = stack.enter_context(self._unpacker.unpacked_file(head, self._offset))
+                window, begin = FileWindow(file), 0
+                stop, longest = window.size, max(LARGEST_CONTENT, MOST_PACKED * head.data_size)
+                if stop != head.size:
+                    self.note(f"a chunk must have {head.size} bytes, got {stop}")
+            elif head.checksum not in (0, window.checksum(begin, stop)):
+                fault = "the checksum of a chunk does not fit its content"
+                self.note(fault)
+                self._mark(self._offset, end, "partly read", fault)
+            for place, block, first, last in _blocks_of_records(window, begin, stop, longest):
+                yield Area(block, first, last, doubted=head if fault else None)
+                begin = place + last - first
+        if begin < stop and not fault:
+            fault = "a record is longer than its chunk"
+            self.note(fault)
+            self._mark(self._offset, end, "partly read", fault)
+        self.has_checksums &= head.checksum != 0
+        self._offset = self._chunk_end = end
+
     def _records_of(self, head: ChunkHead, length: int, is_guess: bool) -> Area:
         """The records of a sound chunk, after which the next record is sought; or BagError."""
-        declared_size = head.data_size
+        declared_size, n_repaired = head.data_size, self._unpacker.n_repaired
         head, block, begin, end = self._unpacker.unpacked(
             head, self._offset, length, is_guess=is_guess
         )
         area = Area(block, begin, end)
+        if self._unpacker.n_repaired > n_repaired:
+            self.note("a bit of a chunk was wrong, which its checksum has repaired")
         if head.data_size != declared_size:
             self.note(f"the data of a chunk must have {declared_size} bytes, got {head.data_size}")
         if area.end - area.start != head.size:
@@ -263,7 +331,7 @@ class DataSection:
         self._sound_end = self._offset + size
         extended = fits and size < record_size
         if not fits or (extended and self._are_records(self._sound_end, 2, _LAST_OPCODE)):
-            self.note("the length of a chunk record is wrong")
+            self.note("the length of a chunk record is wrong", is_harmless=True)
             record_size = size
         if self._thorough:
             self._entry = entry_of_chunk(head, self._offset, record_size)
@@ -271,17 +339,12 @@ class DataSection:
         self._chunk_end = self._offset
         return area
 
-    def _torn(self, head: ChunkHead) -> Area:
-        """What is left of the records of a chunk whose end is missing; none of a compressed one."""
-        size = 0 if head.compression else min(head.data_size, LARGEST_CONTENT)
-        block, at = self._window.locate(self._offset, head.data_start + size)
-        start = at + head.data_start
-        return Area(block, start, max(start, min(start + size, len(block))), is_torn=True)
-
     def _run(self, length: int) -> Iterator[Area]:
         """The records outside of chunks from here to the end of a block."""
-        if length > LARGEST_CONTENT:
-            self.note(f"a record must have {LARGEST_CONTENT} bytes at most, got {length}")
+        if length > LARGEST_MESSAGE:
+            what = f"a record must have {LARGEST_MESSAGE} bytes at most, got {length}"
+            self.note(what)
+            self._mark(self._offset, self._offset + RECORD_HEAD.size + length, "lost", what)
             self._offset += RECORD_HEAD.size + length
             return
         self._check_index()
@@ -327,7 +390,7 @@ class DataSection:
         channel, size = (int.from_bytes(part, "little") for part in (content[:2], content[2:6]))
         entries_end = start + INDEX_HEAD_SIZE + size
         if entries_end > end:
-            self.note("a message index is longer than its record")
+            self.note("a message index is longer than its record", is_harmless=True)
             return end
         self._n_indexes += 1
         n_entries = size // ENTRY_SIZE
@@ -338,7 +401,7 @@ class DataSection:
             self._indexed.append(np.column_stack([channels, entries]))
         self._sound_end = entries_end
         if entries_end < end and self._are_records(entries_end, 2, _LAST_OPCODE):
-            self.note("the length of a message index is wrong")
+            self.note("the length of a message index is wrong", is_harmless=True)
             end = entries_end
         self._chunk_end = end
         if self._entry is not None:
@@ -354,12 +417,12 @@ class DataSection:
             indexed = np.concatenate([expected[:0], *self._indexed])
             is_whole = self._n_entries == len(expected)
             if not (is_whole and np.array_equal(_sorted(indexed), _sorted(expected))):
-                self.note("the message index before this does not fit its chunk")
+                self.note("the message index before this does not fit its chunk", is_harmless=True)
         self._entry, self.positions, self._indexed = None, None, []
         self._n_entries = self._n_indexes = 0
         fault = "" if entry is None else self._end.index.fault_of_chunk(entry)
         if entry is not None and fault:
-            self._log.note(entry.chunk_start_offset, fault)
+            self._log.note(entry.chunk_start_offset, fault, is_harmless=True)
 
     def _check_data(self, length: int) -> None:
         """Compare the checksum in the record at the end of the data with all before it."""
@@ -387,6 +450,35 @@ class DataSection:
             if not 0 < opcode <= last_opcode or offset > self._limit:
                 return False
         return True
+
+
+def _blocks_of_records(
+    window: FileWindow, begin: int, end: int, longest: int
+) -> Iterator[tuple[int, bytes, int, int]]:
+    """(place, block, where in it whole records begin and end), up to what is no record."""
+    while begin + RECORD_HEAD.size <= end:
+        block, first = window.locate(begin, min(_BLOCK, end - begin))
+        stop = min(len(block), first + end - begin)
+        last = _end_of_records(block, first, stop)
+        if last == first:
+            opcode, length = RECORD_HEAD.unpack_from(block, first)
+            size = RECORD_HEAD.size + length
+            if not opcode or length > longest or begin + size > end:
+                return
+            block, first = window.locate(begin, size)
+            last = first + size
+        yield begin, block, first, last
+        begin += last - first
+
+
+def _end_of_records(block: bytes, place: int, stop: int) -> int:
+    """Where the last whole record from `place` on ends."""
+    while place + RECORD_HEAD.size <= stop:
+        opcode, length = RECORD_HEAD.unpack_from(block, place)
+        if not opcode or place + RECORD_HEAD.size + length > stop:
+            break
+        place += RECORD_HEAD.size + length
+    return place
 
 
 def _sorted(positions: _Positions) -> _Positions:

@@ -1,7 +1,6 @@
 """Schemas and channels of one MCAP file, wherever they stand: data section, chunks or summary."""
 
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 from typing import Any
 
 from mcap.opcode import Opcode
@@ -10,12 +9,9 @@ from mcap.records import Channel, Schema
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_DEFINITIONS
 from serd_bag.formats.mcap.records import read_record
-from serd_bag.formats.rosbag2.message_types import MessageType
-from serd_bag.formats.rosbag2.qos import qos_of_text
-from serd_bag.topic import Topic
+from serd_bag.topic import Channel as BagChannel
 
 DEFINITIONS = (int(Opcode.SCHEMA), int(Opcode.CHANNEL))
-QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 _MOST_CONFLICTS = 1000
 _UNKNOWN = Schema(0, b"", "", "")
 
@@ -32,7 +28,7 @@ class Definitions:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self._of: dict[type, dict[int, Any]] = {Schema: self.schemas, Channel: self.channels}
-        self._first: dict[str, Channel] = {}
+        self._made: dict[int, BagChannel] = {}
         self._seen: dict[tuple[int, bytes], int] = {}
         self._size = self._n_conflicts = 0
 
@@ -53,14 +49,12 @@ class Definitions:
         except BagError as error:
             return str(error)
         records = self._of[kind]
+        self._made = {}
         if records.setdefault(record.id, record) == record:
-            if kind is Channel:
-                self._first.setdefault(record.topic, record)
             self._seen[key] = digest
             return ""
         if self._other is not None and self._other._of[kind].get(record.id) == record:
             records[record.id] = record
-            self._find_first()
         self._n_conflicts += 1
         return _defined_twice(kind, record.id)
 
@@ -68,7 +62,7 @@ class Definitions:
         """Add what only `other` has."""
         for kind, records in self._of.items():
             records.update({**other._of[kind], **records})
-        self._find_first()
+        self._made = {}
 
     def faults_of(self, other: "Definitions") -> Iterator[str]:
         """Describe each number that `other` defines in another way."""
@@ -90,47 +84,26 @@ class Definitions:
         found = [self.channels.get(number) for number in channels]
         return all(each is not None and each.schema_id in schemas for each in found)
 
-    def topics(self) -> list[Topic]:
-        """Topics of all channels, each once."""
-        return list(map(self._topic, self._first.values()))
+    def all(self) -> list[BagChannel]:
+        """All channels, in the order in which they were defined."""
+        return list(map(self.channel, self.channels))
 
-    def is_of_its_topic(self, number: int) -> bool:
-        """Whether a channel has the type of the first one of its topic, if both are known."""
-        channel = self.channels[number]
-        own, first = self._schema(channel), self._schema(self._first[channel.topic])
-        if not (own.data and first.data):
-            return True
-        return own.name == first.name and _fields(own.data) == _fields(first.data)
-
-    def names(self, number: int) -> tuple[str, str]:
-        """(topic, type name) of a channel."""
-        channel = self.channels[number]
-        return channel.topic, self._schema(channel).name
-
-    def _find_first(self) -> None:
-        """Find the first channel of each topic anew."""
-        self._first = {}
-        for channel in self.channels.values():
-            self._first.setdefault(channel.topic, channel)
-
-    def _schema(self, channel: Channel) -> Schema:
-        return self.schemas.get(channel.schema_id, _UNKNOWN)
-
-    def _topic(self, channel: Channel) -> Topic:
-        schema = self._schema(channel)
-        text = schema.data.decode("utf-8", errors="replace")
-        type_hash = channel.metadata.get(TYPE_HASH, "")
-        recorded = MessageType(schema.name, text, type_hash, schema.encoding)
-        qos = qos_of_text(channel.metadata.get(QOS, ""))
-        return Topic(channel.topic, recorded, qos, channel.message_encoding)
+    def channel(self, number: int) -> BagChannel:
+        """The channel of that number, with its schema."""
+        made = self._made.get(number)
+        if made is None:
+            found = self.channels[number]
+            schema = self.schemas.get(found.schema_id, _UNKNOWN)
+            made = self._made[number] = BagChannel(
+                topic=found.topic,
+                type_name=schema.name,
+                encoding=found.message_encoding,
+                schema_encoding=schema.encoding,
+                schema=schema.data,
+                metadata=tuple(found.metadata.items()),
+            )
+        return made
 
 
 def _defined_twice(kind: type, number: int) -> str:
     return f"{kind.__name__.lower()} {number} is defined twice, in different ways"
-
-
-@lru_cache(maxsize=256)
-def _fields(definition: bytes) -> list[list[bytes]]:
-    """The words of each line of a definition that has any but a comment."""
-    lines = (line.split(b"#")[0].split() for line in definition.splitlines())
-    return [words for words in lines if words]

@@ -48,7 +48,7 @@ class FileEnd:
     index_faults: sentences about wrong pointers within the summary, on which no message depends.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, window: FileWindow | None = None) -> None:
         self.complete = False
         self.has_checksum = False
         self.data_limit: int | None = None
@@ -59,6 +59,9 @@ class FileEnd:
         self.index_faults: list[str] = []
         #: where the first record behind the header begins, and the one that ends the data
         self._data = (0, 0)
+        if window is not None:
+            self._read(window)
+            return
         with disk_errors("read", path, BagError), path.open("rb", buffering=0) as stream:
             self._read(FileWindow(stream))
 
@@ -164,6 +167,11 @@ class FileEnd:
         )
         if any(groups.get(opcode, [place[0], 0]) != place for opcode, *place in listed):
             self.index_faults.append("an offset of the summary does not point to its records")
+
+
+def ends_with_footer(content: bytes) -> bool:
+    """Whether the bytes before the last magic number end with a footer."""
+    return _record_before(content, Opcode.FOOTER, _FOOTER_FIELDS.size) is not None
 
 
 def _records(summary: bytes) -> Iterator[tuple[int, int, int]]:

@@ -10,60 +10,81 @@ from itertools import pairwise
 from pathlib import Path
 
 from mcap.opcode import Opcode
+from mcap.records import Metadata
+from mcap.stream_reader import MAGIC_SIZE
 
 from serd_bag.damage import FileScan
-from serd_bag.errors import BagError, disk_errors
-from serd_bag.formats.limits import WRONG_TIMES
+from serd_bag.formats.limits import LARGEST_DEFINITION
 from serd_bag.formats.mcap.data_section import IN_AREAS, Area, DataSection
 from serd_bag.formats.mcap.definitions import DEFINITIONS, Definitions
 from serd_bag.formats.mcap.file_end import FileEnd
-from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, copied_index
+from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, copied_index, read_record
+from serd_bag.formats.mcap.remains import Remains
 from serd_bag.formats.mcap.window import FileWindow
-from serd_bag.topic import RawMessage, Topic
+from serd_bag.topic import Channel, Record
 
 _MESSAGE = int(Opcode.MESSAGE)
+_METADATA = bytes([Opcode.METADATA])
+_MAKE = tuple.__new__
+_LONGEST_PROFILE = 64
 _COPIED = "attachments and metadata records"
 _DIFFERS = "{} {} were written, {} are there"
 
 
 class McapScan(FileScan):
-    """One pass through one MCAP file.
+    """One walk through one MCAP file.
 
     thorough: compare the index behind each chunk, and that of the summary, with the chunk.
     size: of the file as it was recorded, which limits what is read; None for its size here.
     """
 
-    def __init__(self, path: Path, *, thorough: bool = False, size: int | None = None) -> None:
-        super().__init__(path)
+    def __init__(
+        self,
+        path: Path,
+        start: int = 0,
+        end: int | None = None,
+        *,
+        thorough: bool = False,
+        size: int | None = None,
+    ) -> None:
+        super().__init__(path, start, end)
         self.has_checksums = True
-        self._end = FileEnd(path)
+        with self.opened() as window:
+            self._end = FileEnd(path, window)
+            self.profile = profile_of(window)
         # Those of the data count, where the summary is not known to be right.
         known = self._end.definitions
         self._definitions = known if self._end.states_contents else Definitions(known)
+        self._doubted = Definitions()
         if self._end.statistics is not None:
             self.expected = self._end.statistics.message_count
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
         self._looked_in: Area | None = None
         self._recorded_size = size
-        self._looks_back = True
+        self._looks_back, self._takes_doubted = True, False
 
-    def topics(self) -> list[Topic]:
-        """Topics by the summary; where it is brief or missing, by the whole file."""
+    def channels(self) -> list[Channel]:
+        """Channels by the summary; where it is brief or missing, by the whole file."""
         if not self._end.states_contents:
-            for _ in self.messages(frozenset()):
+            for _ in self.records(frozenset(), doubtful=True):
                 pass
-        return self._definitions.topics()
+            self._definitions.complete(self._doubted)
+        return self._definitions.all()
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of the given topics, None for all."""
-        path = self.path
-        with disk_errors("read", path, BagError), path.open("rb", buffering=0) as stream:
-            window = FileWindow(stream)
+    def records(
+        self, topics: frozenset[str] | None = None, *, doubtful: bool = False
+    ) -> Iterator[Record]:
+        """Messages of the given topics, None for all; doubtful ones too where that is asked for."""
+        self._takes_doubted = doubtful
+        with self.opened() as window:
             size = window.size if self._recorded_size is None else self._recorded_size
-            section = DataSection(window, self._end, self._log, size, thorough=self._thorough)
+            section = DataSection(window, self._end, self, size, thorough=self._thorough)
             for area in section.areas():
-                yield from self._messages(section, area, topics)
+                if area.doubted is None:
+                    yield from self._messages(section, area, topics, doubtful=doubtful)
+                elif doubtful:
+                    yield from self._doubtful_messages(section, area, topics)
                 del area  # before the next one is read
             self.copied, self.has_checksums = section.copied, section.has_checksums
             for number, count in self._counts.items():
@@ -73,15 +94,29 @@ class McapScan(FileScan):
             if self._thorough:
                 self._compare_with_index(section, window)
 
+    def metadata(self) -> list[tuple[str, dict[str, str]]]:
+        """Names and values of the sound metadata records that were found."""
+        found = []
+        with self.opened() as window:
+            for offset, length in self.copied:
+                if window.read(offset, 1) == _METADATA and length < LARGEST_DEFINITION:
+                    record = read_record(Metadata, window.read(offset, length)[RECORD_HEAD.size :])
+                    found.append((record.name, record.metadata))
+        return found
+
     def _messages(
-        self, section: DataSection, area: Area, topics: frozenset[str] | None
-    ) -> Iterator[RawMessage]:
-        """Messages in an area, whose definitions are collected."""
+        self, section: DataSection, area: Area, topics: frozenset[str] | None, *, doubtful: bool
+    ) -> Iterator[Record]:
+        """Messages in an area, whose definitions are collected.
+
+        Without a checksum a message is doubtful behind which no record can begin.
+        """
         unpack_message, message_size = MESSAGE_HEAD.unpack_from, MESSAGE_HEAD.size
-        counts, names = self._counts, dict[int, tuple[str, str] | None]()
-        block, offset, end, is_chunk, is_torn = area
+        counts, channels = self._counts, dict[int, Channel | None]()
+        block, offset, end, is_chunk, is_torn, _ = area
         positions = section.positions
-        left, last, n_unknown, n_other, n_untimed = section.n_records, offset, 0, 0, 0
+        left, last, n_unknown = section.n_records, offset, 0
+        is_loose = is_torn or not is_chunk
         for left in range(section.n_records - 1, -1, -1):  # noqa: B007 (what is left after it)
             if offset + message_size > end or block[offset] != _MESSAGE:
                 following = self._skip(section, area, offset)
@@ -89,7 +124,7 @@ class McapScan(FileScan):
                     break
                 last, offset = offset, following
                 continue
-            _, length, number, _, log_time, publish_time = unpack_message(block, offset)
+            _, length, number, sequence, log_time, publish_time = unpack_message(block, offset)
             start, following = offset + message_size, offset + RECORD_HEAD.size + length
             if not start <= following <= end:
                 if following > end:
@@ -101,36 +136,58 @@ class McapScan(FileScan):
             last, offset = offset, following
             if positions is not None:
                 positions.extend((number, log_time, last - area.start))
-            if (log_time | publish_time) >> 63:
-                n_untimed += 1
-                continue
-            if number not in names:
+            if number not in channels:
                 if not self._is_defined(section, area, number):
                     n_unknown += 1
                     continue
-                if not self._definitions.is_of_its_topic(number):
-                    n_other += 1
-                    continue
-                topic, type_name = self._definitions.names(number)
-                wanted = topics is None or topic in topics
-                names[number] = (topic, type_name) if wanted else None
-            counts[number] += 1
-            name = names[number]
-            if name is not None:
-                yield RawMessage(*name, block[start:offset], log_time, publish_time)
+                channel = self._definitions.channel(number)
+                is_wanted = topics is None or channel.topic in topics
+                channels[number] = channel if is_wanted else None
+            wanted = channels[number]
+            if is_loose and not _may_begin(block, offset, end):
+                topic = self._definitions.channel(number).topic
+                self.n_doubtful[topic] += 1
+                wanted, self.is_doubtful = wanted if doubtful else None, True
+            else:
+                counts[number] += 1
+            if wanted is not None:
+                # NamedTuple's own constructor takes twice as long.
+                data = block[start:offset]
+                yield _MAKE(Record, (wanted, sequence, data, log_time, publish_time))
+            self.is_doubtful = False
         section.n_records, section.consumed, section.last = left, offset, last
         if is_chunk and offset < end:
             if left and not is_torn:
                 section.note("a record is longer than its chunk")
             elif not left:
                 section.stop()
-        self.n_left_out += n_unknown + n_other + n_untimed
+        self.n_left_out += n_unknown
         if n_unknown:
             section.note(f"{n_unknown} messages are of topics declared in a part that is lost")
-        if n_other:
-            section.note(f"{n_other} messages are of another type than the first of their topic")
-        if n_untimed:
-            section.note(f"{n_untimed} {WRONG_TIMES}")
+
+    def _doubtful_messages(
+        self, section: DataSection, area: Area, topics: frozenset[str] | None
+    ) -> Iterator[Record]:
+        """What looks like messages in an area whose checksum does not fit."""
+        known, doubted, block = self._definitions, self._doubted, area.block
+        known.complete(self._end.definitions)
+        remains = Remains(area, lambda each: each in known.channels or each in doubted.channels)
+        for begin, end in remains.places():
+            section.n_records -= 1
+            if section.n_records <= 0:
+                section.stop()
+                return
+            if block[begin] != _MESSAGE:
+                doubted.add(block[begin], block[begin + RECORD_HEAD.size : end])
+                continue
+            _, _, number, sequence, log_time, publish_time = MESSAGE_HEAD.unpack_from(block, begin)
+            channel = (known if number in known.channels else doubted).channel(number)
+            if topics is None or channel.topic in topics:
+                self.n_doubtful[channel.topic] += 1
+                self.is_doubtful = True
+                data = block[begin + MESSAGE_HEAD.size : end]
+                yield Record(channel, sequence, data, log_time, publish_time)
+                self.is_doubtful = False
 
     def _skip(self, section: DataSection, area: Area, offset: int) -> int | None:
         """The end of a record that is no message; None where it is not in the area."""
@@ -161,35 +218,41 @@ class McapScan(FileScan):
             self._definitions.complete(self._end.definitions)
         if number not in channels and self._looks_back:
             self._looks_back = False
-            other = McapScan(self.path, size=self._recorded_size)
+            other = McapScan(self.path, self.start, self.end, size=self._recorded_size)
             other._looks_back = False
-            for _ in other.messages(frozenset()):
+            for _ in other.records(frozenset(), doubtful=self._takes_doubted):
                 pass
             self._definitions.complete(other._definitions)
+            self._definitions.complete(other._doubted)
         return number in channels
 
     def _compare_with_end(self, section: DataSection) -> None:
         end, note = self._end, section.note
-        if not section.ended and not self._log:
+        self.is_cut = not section.ended and not end.complete
+        if not section.ended and not self.log:
             complete = "the data has no end record"
             note(
                 complete if end.complete else "the file has no end: the recording was cut off here"
             )
         if section.ended and not end.complete:
-            note("the summary at the end of the file is damaged")
+            note("the summary at the end of the file is damaged", is_harmless=True)
         for each in end.faults.damage:
-            note(each.what)
+            note(each.what, is_harmless=True)
         for fault in self._definitions.faults_of(end.definitions):
-            note(f"in the summary, {fault}")
+            note(f"in the summary, {fault}", is_harmless=True)
         n_missing = len(set(end.index.starts) - section.visited)
         if n_missing:
             note(f"{n_missing} chunks of the summary are missing")
         if end.statistics is None:
             return
+        for number, count in end.statistics.channel_message_counts.items():
+            if number in self._definitions.channels:
+                topic = self._definitions.channels[number].topic
+                self.expected_of[topic] = self.expected_of.get(topic, 0) + count
         stated, n_found = end.statistics, self.counts.total()
         if stated.message_count != n_found:
             note(f"{stated.message_count} messages were written, {n_found} are readable")
-        elif stated.channel_message_counts and not self._log:
+        elif stated.channel_message_counts and not self.log:
             for number, channel in self._definitions.channels.items():
                 n_written = stated.channel_message_counts.get(number, 0)
                 if n_written != (n_read := self._counts[number]):
@@ -204,14 +267,14 @@ class McapScan(FileScan):
         """Compare the summary's pointers and counts, which players use, with what was found."""
         end, note = self._end, section.note
         for fault in (*end.index_faults, *end.definitions.missing(self._definitions)):
-            note(fault)
+            note(fault, is_harmless=True)
         if any(one == other for one, other in pairwise(end.index.starts)):
-            note("the summary lists a chunk twice")
+            note("the summary lists a chunk twice", is_harmless=True)
         copied = [copied_index(window, *each) for each in self.copied]
         for fault in end.index.faults_of_copied(copied):
-            note(fault)
+            note(fault, is_harmless=True)
         stated, found = end.statistics, self._definitions
-        if stated is None or self._log:
+        if stated is None or self.log:
             return
         n_copied = stated.attachment_count + stated.metadata_count
         for what, n_stated, n_found in (
@@ -221,4 +284,19 @@ class McapScan(FileScan):
             ("channels", stated.channel_count, len(found.channels)),
         ):
             if n_stated != n_found:
-                note(_DIFFERS.format(n_stated, what, n_found))
+                note(_DIFFERS.format(n_stated, what, n_found), is_harmless=True)
+
+
+def _may_begin(block: bytes, place: int, end: int) -> bool:
+    """Whether a record may begin there: it has an opcode of the format, or a length below 2^40."""
+    return end - place < RECORD_HEAD.size or (
+        0 < block[place] <= Opcode.DATA_END
+        or (block[place] > 0 and block[place + 6 : place + 9] == b"\0\0\0")
+    )
+
+
+def profile_of(window: FileWindow) -> str:
+    """The profile that the header of a file names, empty where there is none."""
+    start = MAGIC_SIZE + RECORD_HEAD.size
+    size = int.from_bytes(window.read(start, 4), "little")
+    return window.read(start + 4, min(size, _LONGEST_PROFILE)).decode(errors="replace")

@@ -10,13 +10,15 @@ _AHEAD = 32 << 10
 
 
 class FileWindow:
-    """Gives bytes of an open file by their places; `size`: bytes of the file.
+    """Gives bytes of an open file, or of its part from `begin` to `end`, by their places there.
 
-    A block from `locate` stays as it is, a later call may return another.
+    size: bytes of the part. A block from `locate` stays as it is, a later call may return another.
     """
 
-    def __init__(self, stream: BinaryIO) -> None:
-        self.size = os.fstat(stream.fileno()).st_size
+    def __init__(self, stream: BinaryIO, begin: int = 0, end: int | None = None) -> None:
+        of_file = os.fstat(stream.fileno()).st_size
+        self.size = max(0, min(of_file, of_file if end is None else end) - begin)
+        self._begin = begin
         self._stream = stream
         self._start = 0
         self._block = b""
@@ -26,8 +28,7 @@ class FileWindow:
         first = offset - self._start
         if first < 0 or first + length > len(self._block):
             self._block = b""
-            self._stream.seek(offset)
-            self._block = self._stream.read(max(_BLOCK, length + _AHEAD))
+            self._block = self._read(offset, max(_BLOCK, length + _AHEAD))
             self._start, first = offset, 0
         return self._block, first
 
@@ -40,8 +41,11 @@ class FileWindow:
         first = offset - self._start
         if 0 <= first <= len(self._block) - length:
             return self._block[first : first + length]
-        self._stream.seek(offset)
-        return self._stream.read(length)
+        return self._read(offset, length)
+
+    def _read(self, offset: int, length: int) -> bytes:
+        self._stream.seek(self._begin + offset)
+        return self._stream.read(max(0, min(length, self.size - offset)))
 
     def checksum(self, start: int, end: int) -> int:
         """CRC-32 of the bytes from `start` to `end`."""

@@ -8,6 +8,7 @@ chunks that are lost cost no more than themselves, and then each time their numb
 
 import contextlib
 import os
+import struct
 import zlib
 from collections import Counter
 from collections.abc import Sequence
@@ -19,7 +20,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
-    Channel,
     Chunk,
     ChunkIndex,
     DataEnd,
@@ -33,6 +33,7 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+from mcap.records import Channel as McapChannel
 from mcap.well_known import Profile
 from mcap.writer import MCAP0_MAGIC
 
@@ -42,15 +43,14 @@ from serd_bag.formats.mcap.records import MESSAGE_HEAD, RECORD_HEAD, CopiedIndex
 from serd_bag.formats.mcap.summary_index import entry_of_chunk
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.formats.rosbag2.layout import FileSpan
-from serd_bag.formats.rosbag2.message_types import MessageType
-from serd_bag.formats.rosbag2.qos import qos_text
-from serd_bag.topic import Topic
+from serd_bag.topic import Channel
 
 Compression = Literal["none", "zstd"]
 LIBRARY = "serd"
 _FIELDS_SIZE = MESSAGE_HEAD.size - RECORD_HEAD.size
 _MESSAGE = int(Opcode.MESSAGE)
 _LARGEST_CHUNK = 256 * 1024
+_SIZE = struct.Struct("<Q")
 _REPEATED_AT_ONCE = 2
 _BLOCK = 1 << 20
 _METADATA_NAME = "rosbag2"
@@ -63,13 +63,22 @@ class McapWriter:
     readable. sync: wait for the disk at each flush.
     """
 
-    def __init__(self, path: Path, *, compression: Compression = "none", sync: bool = False):
+    def __init__(
+        self,
+        path: Path,
+        *,
+        compression: Compression = "none",
+        sync: bool = False,
+        profile: str = Profile.ROS2,
+    ) -> None:
         self._path, self._compression, self._sync = path, compression, sync
         self._size = 0
         with disk_errors("write", path, BagError):
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        self._schemas: dict[MessageType, Schema] = {}
-        self._channels: list[Channel] = []
+        #: numbers of schemas by name, encoding and text
+        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._n_schemas = 0
+        self._channels: list[McapChannel] = []
         #: (number of the first chunk that has it, record) of each schema and channel
         self._definitions: list[tuple[int, bytes]] = []
         self._copied: list[CopiedIndex] = []
@@ -78,18 +87,15 @@ class McapWriter:
         self._indexes: dict[int, MessageIndex] = {}
         #: messages on the disk by channel
         self._counts: Counter[int] = Counter()
-        self._append(MCAP0_MAGIC + _encoded(Header(Profile.ROS2, LIBRARY)))
+        self._append(MCAP0_MAGIC + _encoded(Header(profile, LIBRARY)))
 
     @property
     def span(self) -> FileSpan:
         """Number and times of the messages on the disk."""
         filled = [each for each in self._chunk_indexes if each.message_index_offsets]
-        return FileSpan(
-            self._path.name,
-            self._counts.total(),
-            min((each.message_start_time for each in filled), default=None),
-            max((each.message_end_time for each in filled), default=None),
-        )
+        first_ns = min((each.message_start_time for each in filled), default=None)
+        last_ns = max((each.message_end_time for each in filled), default=None)
+        return FileSpan(self._path.name, self._counts.total(), first_ns, last_ns)
 
     @property
     def size(self) -> int:
@@ -106,29 +112,41 @@ class McapWriter:
         """Messages per channel that are not on the disk yet."""
         return {channel: len(index.records) for channel, index in self._indexes.items()}
 
-    def add_topic(self, topic: Topic) -> int:
-        """Declare a topic; returns its channel number."""
-        kind = topic.message_type
-        schema = self._schemas.get(kind)
-        if schema is None:
-            schema = Schema(len(self._schemas) + 1, kind.text.encode(), kind.encoding, kind.name)
-            self._schemas[kind] = schema
-            self._define(schema)
-        metadata = {"offered_qos_profiles": qos_text(topic.qos), "topic_type_hash": kind.type_hash}
+    def add_channel(self, channel: Channel) -> int:
+        """Declare a channel; returns its number."""
+        number_of_schema = 0
+        if channel.type_name or channel.schema:
+            kind = (channel.type_name, channel.schema_encoding, channel.schema)
+            number_of_schema = self._schemas.setdefault(kind, len(self._schemas) + 1)
+            if number_of_schema > self._n_schemas:
+                self._n_schemas = number_of_schema
+                name, encoding, data = kind
+                self._define(Schema(number_of_schema, data, encoding, name))
         number = len(self._channels) + 1
-        channel = Channel(number, topic.name, topic.encoding, metadata, schema.id)
-        self._channels.append(channel)
+        record = McapChannel(
+            number, channel.topic, channel.encoding, dict(channel.metadata), number_of_schema
+        )
+        self._channels.append(record)
         self._indexes[number] = MessageIndex(number, [])
-        self._define(channel)
+        self._define(record)
         return number
 
-    def write(self, channel: int, data: bytes, log_time_ns: int, publish_time_ns: int) -> None:
+    def write(
+        self,
+        channel: int,
+        data: bytes,
+        log_time_ns: int,
+        publish_time_ns: int,
+        sequence: int = 0,
+    ) -> None:
         """Append one message to the chunk; a chunk of some size is flushed."""
         if not self._chunk:
             self._begin_chunk()
         self._indexes[channel].records.append((log_time_ns, len(self._chunk)))
         size = _FIELDS_SIZE + len(data)
-        self._chunk += MESSAGE_HEAD.pack(_MESSAGE, size, channel, 0, log_time_ns, publish_time_ns)
+        self._chunk += MESSAGE_HEAD.pack(
+            _MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns
+        )
         self._chunk += data
         if len(self._chunk) >= _LARGEST_CHUNK:
             self.flush()
@@ -139,16 +157,21 @@ class McapWriter:
             return
         indexes = [index for index in self._indexes.values() if index.records]
         times = [time_ns for index in indexes for time_ns, _ in index.records]
-        content, packed = bytes(self._chunk), self._compression == "zstd"
-        chunk = Chunk(
+        packed = self._compression == "zstd"
+        head = Chunk(
             compression="zstd" if packed else "",
-            data=zstandard.ZstdCompressor(level=1).compress(content) if packed else content,
+            data=b"",
             message_end_time=max(times, default=0),
             message_start_time=min(times, default=0),
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
+            uncompressed_crc=zlib.crc32(self._chunk),
+            uncompressed_size=len(self._chunk),
         )
-        block = bytearray(_encoded(chunk))
+        data = zstandard.ZstdCompressor(level=1).compress(self._chunk) if packed else self._chunk
+        # The data is copied once: `mcap` would copy it three times.
+        block = bytearray(_encoded(head))
+        _SIZE.pack_into(block, 1, len(block) - RECORD_HEAD.size + len(data))
+        _SIZE.pack_into(block, len(block) - _SIZE.size, len(data))
+        block += data
         entry = entry_of_chunk(chunk_head(block), self._size, len(block))
         for index in indexes:
             entry.message_index_offsets[index.channel_id] = self._size + len(block)
@@ -172,12 +195,17 @@ class McapWriter:
             self._append(source.read(start, min(_BLOCK, offset + length - start)))
         self._copied.append(index)
 
-    def finish(self, metadata: dict[str, str]) -> None:
-        """Write the last chunk, the metadata record `rosbag2` and the summary; close."""
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Append a metadata record."""
         self.flush()
-        record = _encoded(Metadata(_METADATA_NAME, metadata))
-        self._copied.append(MetadataIndex(self._size, len(record), _METADATA_NAME))
-        record += _encoded(DataEnd(0))
+        record = _encoded(Metadata(name, values))
+        self._copied.append(MetadataIndex(self._size, len(record), name))
+        self._append(record)
+
+    def finish(self, name: str, metadata: dict[str, str]) -> None:
+        """Write the last chunk, a metadata record and the summary; close."""
+        self.add_metadata(name, metadata)
+        record = _encoded(DataEnd(0))
         self._append(record + self._summary(self._size + len(record)))
         self.close()
 
@@ -204,7 +232,7 @@ class McapWriter:
                 raise
         self._size += len(block)
 
-    def _define(self, record: Schema | Channel) -> None:
+    def _define(self, record: Schema | McapChannel) -> None:
         if not self._chunk:
             self._begin_chunk()
         encoded = _encoded(record)
@@ -235,8 +263,11 @@ class McapWriter:
             metadata_count=len(metadata),
             schema_count=len(self._schemas),
         )
+        schemas = [
+            Schema(number, kind[2], kind[1], kind[0]) for kind, number in self._schemas.items()
+        ]
         groups: tuple[Sequence[McapRecord], ...] = (
-            *(list(self._schemas.values()), self._channels, [statistics]),
+            *(schemas, self._channels, [statistics]),
             *(self._chunk_indexes, attachments, metadata),
         )
         summary, offsets = bytearray(), []

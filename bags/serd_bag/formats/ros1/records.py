@@ -10,24 +10,23 @@ a chunk.
 import bz2
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import lz4.frame
-from rosbags.rosbag1.reader import normalize
-from rosbags.typesys.msg import normalize_msgtype
-
-from serd_bag.damage import DamageLog
+from serd_bag.damage import DamageLog, State
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, LARGEST_DEFINITION
 from serd_bag.formats.mcap.window import FileWindow
+from serd_bag.topic import ROS1, ROS1MSG, Channel
 
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 KINDS = range(MESSAGE, CONNECTION + 1)
 #: Bytes in the header of a chunk.
 CHUNK_PATTERN = re.compile(rb"\x04\0{3}op=\x05")
 LONGEST_CHUNK_HEAD = 128
+_MESSAGE_PATTERN = re.compile(rb"\x04\0{3}op=[\x02\x07]")
+_LONGEST_MESSAGE_HEAD = 300
 _MAGIC = re.compile(rb"#ROSBAG V(\d+)\.(\d+)\n")
 _VERSION = 200
 _LONGEST_MAGIC = 32
@@ -36,6 +35,11 @@ _SIZE = struct.Struct("<I")
 _TIME = struct.Struct("<II")
 _SECOND_NS = 1_000_000_000
 _CHUNK_FIELDS = {b"compression", b"size"}
+_OF_MESSAGES = (b"op", b"conn", b"time")
+#: Values of a connection that are parts of a channel.
+_NAMED = ("topic", "type", "message_definition")
+#: Bytes of a compressed chunk that are unpacked at once.
+_PIECE = 4096
 #: Of an index: time in s and ns, offset in the chunk. Of a chunk: connection, number of messages.
 _ENTRY, _COUNT = struct.Struct("<III"), struct.Struct("<II")
 #: connection, time in ns, offset in the chunk
@@ -46,11 +50,13 @@ Part = tuple[int, "Record", list[Entry]]
 
 
 class Record(NamedTuple):
-    """One record: the fields of its header, and where its data starts and ends."""
+    """One record: the fields of its header, and where its data starts and ends; has_right_lengths:
+    whether its fields fill the header."""
 
     fields: dict[bytes, bytes]
     start: int
     end: int
+    has_right_lengths: bool = True
 
     @property
     def kind(self) -> int:
@@ -70,14 +76,6 @@ class Record(NamedTuple):
         return (number & 0xFFFFFFFF) * _SECOND_NS + (number >> 32)
 
 
-class Connection(NamedTuple):
-    """A topic, its type under its name in ROS 2, and the text of its definition."""
-
-    topic: str
-    type_name: str
-    definition: str
-
-
 def record_at(block: bytes, at: int, end: int) -> Record:
     """Read the record at that place of a block; its data may end beyond the block.
 
@@ -88,39 +86,48 @@ def record_at(block: bytes, at: int, end: int) -> Record:
         start = at + _SIZE.size + size
         if start + _SIZE.size > end:
             raise BagError("a record is cut off")
-        fields = _fields(block, at + _SIZE.size, start)
+        fields, end_of_fields = _fields(block, at + _SIZE.size, start)
         (data_size,) = _SIZE.unpack_from(block, start)
     except struct.error:
         raise BagError("a record is cut off") from None
-    found = Record(fields, start + _SIZE.size, start + _SIZE.size + data_size)
+    data_start = start + _SIZE.size
+    found = Record(fields, data_start, data_start + data_size, end_of_fields == start)
     if len(found.fields.get(b"op", b"")) != 1:
         raise BagError("a record has no opcode")
     return found
 
 
-def _fields(block: bytes, at: int, end: int) -> dict[bytes, bytes]:
+def _fields(block: bytes, at: int, end: int) -> tuple[dict[bytes, bytes], int]:
+    """The fields between two places, and where they end."""
     found = {}
     while at < end:
         (size,) = _SIZE.unpack_from(block, at)
         at += _SIZE.size
-        name, separator, value = block[at : at + size].partition(b"=")
+        name, separator, value = block[at : min(at + size, end)].partition(b"=")
         at += size
-        if at > end or not separator:
+        # The last field ends with the header, whatever its own length says.
+        if (at > end and name not in _OF_MESSAGES) or not separator:
             raise BagError("the header of a record is damaged")
         found[name] = value
-    return found
+    return found, at
 
 
-def connection_of(record: Record, data: bytes) -> tuple[int, Connection]:
-    """Read a connection record; returns its number and the connection, or raises BagError."""
+def connection_of(record: Record, data: bytes) -> tuple[int, Channel]:
+    """Read a connection record; returns its number and the channel, or raises BagError.
+
+    Type, encoding and metadata are those that MCAP files have of ROS 1.
+    """
     try:
-        fields = _fields(data, 0, len(data))
-        topic = record.fields[b"topic"].decode()
-        kind, text = (fields[name].decode() for name in (b"type", b"message_definition"))
-        found = Connection("/" + normalize(topic).lstrip("/"), normalize_msgtype(kind), text)
+        fields = {
+            name.decode(errors="replace"): value.decode(errors="replace")
+            for name, value in _fields(data, 0, len(data))[0].items()
+        }
+        topic = "/" + "/".join(filter(None, record.fields[b"topic"].decode().split("/")))
+        kind, text = fields["type"], fields["message_definition"].encode()
     except (KeyError, ValueError, IndexError, struct.error):
         raise BagError("a connection record is damaged") from None
-    return record.number(b"conn"), found
+    further = tuple((name, fields[name]) for name in fields if name not in _NAMED)
+    return record.number(b"conn"), Channel(topic, kind, ROS1, ROS1MSG, text, further)
 
 
 def counts_of(record: Record, data: bytes) -> tuple[int, dict[int, int]]:
@@ -143,25 +150,61 @@ def entries_of(record: Record, data: bytes) -> list[Entry] | None:
 
 def unpacked_chunk(
     record: Record, block: bytes, at: int, size: int, most: int
-) -> tuple[bytes, int, int]:
+) -> tuple[bytes, int, int, str]:
     """Unpack the data of a chunk at that place of a block, up to `most` bytes.
 
-    Returns bytes, and where in them the records begin and end; without compression these are the
-    block. Raises BagError if the data cannot be unpacked.
+    Returns bytes, where in them the records begin and end, and why that is not all of them;
+    without compression the bytes are the block. Raises BagError where nothing can be unpacked.
     """
     compression = record.fields.get(b"compression", b"").decode(errors="replace")
     if compression == "none":
-        return block, at, min(at + size, len(block))
+        return block, at, min(at + size, len(block)), ""
+    decompressor: Any
+    if compression == "bz2":
+        decompressor = bz2.BZ2Decompressor()
+    elif compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        decompressor = LZ4FrameDecompressor()
+    else:
+        raise BagError(f"its compression must be none, bz2 or lz4, got {compression!r}")
+    unpacked, fault, end = bytearray(), "", min(at + size, len(block))
     try:
-        if compression == "bz2":
-            unpacked = bz2.BZ2Decompressor().decompress(block[at : at + size], most)
-        elif compression == "lz4":
-            unpacked = lz4.frame.LZ4FrameDecompressor().decompress(block[at : at + size], most)
-        else:
-            raise BagError(f"its compression must be none, bz2 or lz4, got {compression!r}")
+        while at < end and not decompressor.eof and len(unpacked) < most:
+            unpacked += decompressor.decompress(block[at : at + _PIECE], most - len(unpacked))
+            at += _PIECE
+            while not (decompressor.needs_input or decompressor.eof) and len(unpacked) < most:
+                unpacked += decompressor.decompress(b"", most - len(unpacked))
     except (OSError, ValueError, RuntimeError, EOFError) as error:
-        raise BagError(str(error).strip().rstrip(".") or type(error).__name__) from None
-    return unpacked, 0, len(unpacked)
+        fault = str(error).strip().rstrip(".") or type(error).__name__
+        if not unpacked:
+            raise BagError(fault) from None
+    if not (decompressor.eof or fault) and len(unpacked) < most:
+        fault = "its data ends early"
+    return bytes(unpacked), 0, len(unpacked), fault
+
+
+def begins_message(block: bytes, offset: int, end: int) -> bool:
+    """Whether a whole message or connection begins there."""
+    try:
+        record = record_at(block, offset, end)
+        return (
+            record.end <= end
+            and record.kind in (MESSAGE, CONNECTION)
+            and (record.kind == CONNECTION or bool(record.fields.get(b"time")))
+        )
+    except BagError:
+        return False
+
+
+def next_message(block: bytes, offset: int, end: int) -> int:
+    """Return where the next message or connection begins, or the end."""
+    while (found := _MESSAGE_PATTERN.search(block, offset, end)) is not None:
+        for begin in range(max(offset, found.start() - _LONGEST_MESSAGE_HEAD), found.start()):
+            if begins_message(block, begin, end):
+                return begin
+        offset = found.end()
+    return end
 
 
 class Walk:
@@ -169,11 +212,17 @@ class Walk:
 
     log: faults on the way; connections: outside of chunks; counts: messages by connection that the
     index has of each chunk,
-    by its place.
+    by its place. mark: takes begin, end, state and reason of bytes that were not read.
     """
 
-    def __init__(self, window: FileWindow, log: DamageLog) -> None:
-        self.connections: dict[int, Connection] = {}
+    def __init__(
+        self,
+        window: FileWindow,
+        log: DamageLog,
+        mark: Callable[[int, int, State, str], None] = lambda *_: None,
+    ) -> None:
+        self.connections: dict[int, Channel] = {}
+        self._mark = mark
         self.counts: dict[int, dict[int, int]] = {}
         self.log = log
         self._window = window
@@ -191,7 +240,8 @@ class Walk:
                 record = self._record(offset)
             except BagError as error:
                 self.log.note(offset, f"a chunk is damaged ({error})")
-                offset = self._next_chunk(last + 1)
+                begin, offset = offset, self._next_chunk(last + 1)
+                self._mark(begin, offset, "lost", str(error))
                 last = offset - 1
                 continue
             last, offset = offset, record.end
@@ -240,7 +290,9 @@ class Walk:
             self.log.note(None, "the file seems to be empty", "record it again")
         elif not found:
             self.log.note(None, "File magic is invalid", _REINDEX)
-            return self._next_chunk(0)
+            begin = self._next_chunk(0)
+            self._mark(0, begin, "lost", "no record begins here")
+            return begin
         elif (version := 100 * int(found[1]) + int(found[2])) != _VERSION:
             self.log.note(None, f"Bag version {version} is not supported", _REINDEX)
             return size

@@ -1,42 +1,38 @@
-"""All messages of one .bag file of ROS 1, as the ROS 2 messages of the same fields.
+"""All messages of one .bag file of ROS 1, as they are.
 
 They are read in the order of the file, without the index: a killed recorder writes none, and one
-that is wrong must hide nothing. It is compared with what was found. rosbags turns each message
-into CDR by the definition that its connection holds. The format has no checksums. A chunk that
-cannot be unpacked is left out, and so is a damaged message; where the records of a chunk are broken
-off, reading continues at the next message of the index behind it.
+that is wrong must hide nothing. It is compared with what was found. The format has no checksums. Of
+a chunk that cannot be unpacked to its end the messages before are doubtful, and so is a message
+behind which no other record begins; reading continues at the next bytes that look like one.
 """
 
 from collections import Counter
 from collections.abc import Iterator
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
-
-from serd_bag.damage import DamageLog, FileScan
-from serd_bag.errors import BagError, disk_errors
-from serd_bag.formats.limits import LARGEST_CONTENT
+from serd_bag.damage import DamageLog, FileScan, State
+from serd_bag.errors import BagError
+from serd_bag.formats.limits import LARGEST_CONTENT, LARGEST_MESSAGE, MOST_PACKED
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.formats.ros1.records import (
     CONNECTION,
     MESSAGE,
-    Connection,
     Entry,
     Part,
     Walk,
+    begins_message,
     connection_of,
+    next_message,
     record_at,
     unpacked_chunk,
 )
-from serd_bag.formats.rosbag2.message_types import MessageType
-from serd_bag.formats.rosbag2.qos import RELIABLE
-from serd_bag.topic import RawMessage, Topic
+from serd_bag.formats.ros1.records import Record as RosRecord
+from serd_bag.topic import Channel, Record
 
-_HEADER = "std_msgs/msg/Header"
-_LARGEST_CHUNK = 2 * LARGEST_CONTENT
+_LARGEST_CHUNK = LARGEST_MESSAGE
 
 
 class _Found(NamedTuple):
@@ -48,70 +44,79 @@ class _Found(NamedTuple):
     entry: Entry
     before: int
     data: bytes
+    is_doubtful: bool = False
 
 
 class Ros1Scan(FileScan):
-    """One pass through one .bag file."""
+    """One walk through one .bag file."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._connections: dict[int, Connection] = {}
+    profile = "ros1"
 
-    def topics(self) -> list[Topic]:
-        """Topics of the file, by its index if that is right; of several types the first."""
+    def __init__(self, path: Path, start: int = 0, end: int | None = None) -> None:
+        super().__init__(path, start, end)
+        self._connections: dict[int, Channel] = {}
+
+    def channels(self) -> list[Channel]:
+        """Channels of the file, by its index if that is right."""
         known = self._index.connections
         if not self._is_index_sound:
-            for _ in self.messages(frozenset()):
+            for _ in self.records(frozenset()):
                 pass
             known = {**known, **self._connections}
-        found: dict[str, Topic] = {}
-        for connection in known.values():
-            topic, _ = _converted(connection)
-            found.setdefault(topic.name, topic)
-        return list(found.values())
+        return list(known.values())
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
+    def records(
+        self, topics: frozenset[str] | None = None, *, doubtful: bool = False
+    ) -> Iterator[Record]:
         """Messages of the given topics, None for all; publish times are the log times."""
-        n_broken = n_unknown = 0
+        n_unknown = n_doubted = 0
         if self._index.counts:
             self.expected = sum(sum(counts.values()) for counts in self._index.counts.values())
-        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
-            window = FileWindow(stream)
-            walk = Walk(window, self._log)
+        with self.opened() as window:
+            walk = Walk(window, self.log, self.mark)
             for part in walk.parts():
                 for found in self._messages_of(part, window):
                     number, time_ns, _ = found.entry
                     listed = self._index.connections.get(number)
-                    connection = self._connections.get(number) or listed
-                    if connection is None:
+                    channel = self._connections.get(number) or listed
+                    if channel is None:
                         n_unknown += 1
+                    elif not found.is_doubtful:
+                        self.counts[channel.topic] += 1
+                    elif doubtful:
+                        self.n_doubtful[channel.topic] += 1
+                    else:
+                        n_doubted += 1
                         continue
-                    topic, store = _converted(connection)
-                    if topics is not None and topic.name not in topics:
-                        self.counts[topic.name] += 1
-                        continue
-                    converted = _cdr(topic.type_name, store, found.data)
-                    if converted is None:
-                        n_broken += 1
-                        continue
-                    self.counts[topic.name] += 1
-                    yield RawMessage(topic.name, topic.type_name, converted, time_ns, time_ns)
+                    if channel is not None and (topics is None or channel.topic in topics):
+                        self.is_doubtful = found.is_doubtful
+                        yield Record(channel, 0, found.data, time_ns, time_ns)
+            self.is_doubtful = False
+            self._take_counts()
             for fault in walk.faults():
-                self._note(fault)
+                self.log.note(None, fault, is_harmless=True)
             indexed = self._index.connections
             if indexed and self._connections.keys() - indexed.keys():
-                self._note("the index does not have all connections of the chunks")
-        self.n_left_out = n_broken + n_unknown
+                what = "the index does not have all connections of the chunks"
+                self.log.note(None, what, is_harmless=True)
+        self.n_left_out = n_unknown + n_doubted
         if n_unknown:
             self._note(f"{n_unknown} messages are of connections declared in a part that is lost")
-        if n_broken:
-            self._note(f"{n_broken} messages do not fit the definition of their type")
+
+    def _take_counts(self) -> None:
+        """Take the messages of each topic that the index counts."""
+        self.is_cut = not self._index.counts
+        for counts in self._index.counts.values():
+            for number, count in counts.items():
+                if number in self._index.connections:
+                    topic = self._index.connections[number].topic
+                    self.expected_of[topic] = self.expected_of.get(topic, 0) + count
 
     @cached_property
     def _index(self) -> Walk:
         """The walk through the file that has found all that stands outside of its chunks."""
-        with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
-            walk = Walk(FileWindow(stream), DamageLog(self.path))
+        with self.opened() as window:
+            walk = Walk(window, DamageLog(self.path))
             for _ in walk.parts():
                 pass
         return walk
@@ -133,22 +138,23 @@ class Ros1Scan(FileScan):
                 yield _Found(entry, place, block[at : at + size])
                 return
             stated_size = record.number(b"size")
-            block, begin, end = unpacked_chunk(record, block, at, size, LARGEST_CONTENT)
+            most = max(LARGEST_CONTENT, MOST_PACKED * size)
+            block, begin, end, fault = unpacked_chunk(record, block, at, size, most)
         except BagError as error:
-            self._log.note(place, f"a chunk is damaged ({error})")
+            self._damaged_chunk(place, record, str(error), "lost")
             return
         places: set[Entry] = set()
         counts: Counter[int] = Counter()
-        fault = ""
-        if stated_size != end - begin and record.end <= window.size:
+        is_partial = bool(fault)
+        if not fault and stated_size != end - begin and record.end <= window.size:
             fault = f"it must have {stated_size} bytes, got {end - begin}"
-        for found in self._records(block, begin, end, sorted(entries, key=lambda each: each[2])):
+        for found in self._records(block, begin, end):
             if isinstance(found, str):
                 fault = fault or found
                 continue
             counts[found.entry[0]] += 1
             places.update((found.entry, (*found.entry[:2], found.before)))
-            yield found
+            yield found._replace(is_doubtful=True) if is_partial else found
         if (
             not fault
             and entries
@@ -158,17 +164,15 @@ class Ros1Scan(FileScan):
         if not fault and self._index.counts.get(place, counts) != counts:
             fault = "the index counts other messages than it has"
         if fault:
-            self._log.note(place, f"a chunk is damaged ({fault})")
+            self._damaged_chunk(place, record, fault, "partly read")
 
-    def _records(
-        self, block: bytes, begin: int, end: int, entries: list[Entry]
-    ) -> Iterator[_Found | str]:
-        """Yield the messages in these bytes of a block, and a sentence wherever no record begins.
+    def _damaged_chunk(self, place: int, record: RosRecord, fault: str, state: State) -> None:
+        self.log.note(place, f"a chunk is damaged ({fault})")
+        self.mark(place, record.end, state, fault)
 
-        entries: those of the index, in the order of their offsets from `begin`.
-        """
-        offset = last = begin
-        before: int | None = None
+    def _records(self, block: bytes, begin: int, end: int) -> Iterator[_Found | str]:
+        """Yield the messages in these bytes, and a sentence wherever no record begins."""
+        offset, before = begin, None
         while offset < end:
             try:
                 record = record_at(block, offset, end)
@@ -181,72 +185,37 @@ class Ros1Scan(FileScan):
                     entry = record.number(b"conn"), record.time_ns(), offset - begin
             except BagError as error:
                 yield str(error)
-                later = (each for each in entries if each[2] > last - begin)
-                places = (
-                    begin + each[2]
-                    for each in later
-                    if _begins_message(block, begin + each[2], end, each)
-                )
-                offset = next(places, end)
-                last, before = offset, None
+                offset, before = next_message(block, offset + 1, end), None
                 continue
             if record.kind == CONNECTION:
                 before = offset if before is None else before
-            else:
-                yield _Found(entry, entry[2] if before is None else before - begin, data)
-                before = None
-            last, offset = offset, record.end
+                offset = record.end
+                continue
+            if not record.has_right_lengths:
+                yield "a field of a record has a wrong length"
+            place, before = entry[2] if before is None else before - begin, None
+            if record.end < end and not begins_message(block, record.end, end):
+                # It may be longer than it states, or shorter.
+                offset = next_message(block, offset + 1, end)
+                yield f"no record begins behind a message at byte {entry[2]} of it"
+                if offset >= record.end:
+                    yield _Found(entry, place, data, is_doubtful=True)
+                continue
+            yield _Found(entry, place, data)
+            offset = record.end
 
-    def _add(self, number: int, connection: Connection) -> None:
+    def _add(self, number: int, connection: Channel) -> None:
         """Keep a connection; of two with one number the one that the index has."""
         listed = self._index.connections.get(number, connection)
         twice = f"connection {number} is defined twice, in different ways"
         if listed != connection and self._is_index_sound:
             self._note(twice)
-            _, store = _converted(listed)
-            named = connection._replace(topic=listed.topic)  # as `topics` names it
-            connection = listed if store else named
+            from serd_bag.formats.ros1.conversion import can_convert
+
+            named = replace(connection, topic=listed.topic)  # as `channels` names it
+            connection = listed if can_convert(listed) else named
         kept = self._connections.setdefault(number, connection)
         if kept != connection:
             self._note(twice)
             if listed == connection:
                 self._connections[number] = connection
-
-
-def _begins_message(block: bytes, offset: int, end: int, entry: Entry) -> bool:
-    """Whether the message of an entry, or its connection, begins there."""
-    try:
-        record = record_at(block, offset, end)
-        if record.kind == CONNECTION:
-            return record.number(b"conn") == entry[0]
-        return record.kind == MESSAGE and entry[:2] == (record.number(b"conn"), record.time_ns())
-    except BagError:
-        return False
-
-
-@lru_cache(maxsize=256)
-def _converted(connection: Connection) -> tuple[Topic, Typestore | None]:
-    """The topic with the definition of ROS 2, whose Header has no `seq`, and the store that
-    converts its messages, None where the definition cannot be read."""
-    topic, name, text = connection
-    try:
-        types = get_types_from_msg(text, name)
-        if _HEADER in types:
-            constants, fields = types[_HEADER]
-            types[_HEADER] = constants, [each for each in fields if each[0] != "seq"]
-        store = get_typestore(Stores.EMPTY)
-        store.register(types)
-        definition, _ = store.generate_msgdef(name, ros_version=2)
-        recorded = MessageType(name, definition, store.hash_rihs01(name))
-    except Exception:  # a recorded text may be anything
-        return Topic(topic, MessageType(name, "", "", ""), (RELIABLE,)), None
-    return Topic(topic, recorded, (RELIABLE,)), store
-
-
-def _cdr(type_name: str, store: Typestore | None, data: bytes) -> bytes | None:
-    if store is None or len(data) > LARGEST_CONTENT:
-        return None
-    try:
-        return bytes(store.ros1_to_cdr(data, type_name))
-    except Exception:  # generated code raises errors of any kind for foreign bytes
-        return None

@@ -8,18 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from serd_bag.errors import BagError, FileError
+from serd_bag.errors import BagError, FileError, disk_errors
 from serd_bag.files import read_text
-from serd_bag.formats.limits import yaml_values
-from serd_bag.topic import Topic
+from serd_bag.formats.limits import yaml_text, yaml_values
+from serd_bag.formats.rosbag2.qos import qos_values
+from serd_bag.topic import QOS, TYPE_HASH, Channel
 
-COMPRESSED_FILE = ".zstd"
+COMPRESSED_FILE, _UNFINISHED_FILE = ".zstd", ".active"
 _SUFFIXES = (".mcap", ".db3")
 _ENDINGS = (*_SUFFIXES, *(suffix + COMPRESSED_FILE for suffix in _SUFFIXES))
 #: Of ROS 1: one file without metadata.yaml.
 ROS1_SUFFIX = ".bag"
+#: First bytes of each kind of file.
+MAGIC = {b"\x89MCAP0\r\n": ".mcap", b"SQLite format 3\0": ".db3", b"#ROSBAG V": ROS1_SUFFIX}
 VERSION = 9
 FILE_NAME = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
@@ -66,8 +67,24 @@ class BagLayout:
 
 
 def is_bag_file(path: Path) -> bool:
-    """Whether the name is that of a storage file."""
-    return path.name.endswith((*_ENDINGS, ROS1_SUFFIX))
+    """Whether the name is that of a storage file, also of one that is still recorded."""
+    return path.name.removesuffix(_UNFINISHED_FILE).endswith((*_ENDINGS, ROS1_SUFFIX))
+
+
+def storage_kind(path: Path) -> str:
+    """`.mcap`, `.db3` or `.bag`: the kind of a file by its first bytes, else by its name."""
+    return _kind_of_content(path) or Path(path.name.removesuffix(_UNFINISHED_FILE)).suffix
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file begins as a recording does."""
+    return bool(_kind_of_content(path))
+
+
+def _kind_of_content(path: Path) -> str:
+    with disk_errors("read", path, BagError), path.open("rb") as stream:
+        head = stream.read(16)
+    return next((kind for magic, kind in MAGIC.items() if head.startswith(magic)), "")
 
 
 def bag_layout(path: str | Path) -> BagLayout:
@@ -93,6 +110,18 @@ def bag_layout(path: str | Path) -> BagLayout:
                 ) from None
             raise BagError(f"bag {path} must hold {kinds} files, got none; {error}") from None
         return BagLayout(path, files, metadata, str(error))
+
+
+def anything_layout(path: str | Path) -> BagLayout:
+    """The layout of a bag, or else of any file or of all files of a folder."""
+    path = Path(path)
+    try:
+        return bag_layout(path)
+    except BagError:
+        files = (path,) if path.is_file() else tuple(sorted(filter(Path.is_file, path.rglob("*"))))
+        if not files:
+            raise
+        return BagLayout(path, files, None)
 
 
 def storage_name(path: Path | str) -> str:
@@ -158,8 +187,16 @@ class FileSpan:
     last_ns: int | None = None
 
 
-def bag_metadata(files: Sequence[FileSpan], topics: Sequence[tuple[Topic, int]]) -> dict[str, Any]:
-    """Values below the root key; topics come with their number of messages."""
+def bag_metadata(
+    files: Sequence[FileSpan],
+    channels: Sequence[tuple[Channel, int]],
+    kept: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Values below the root key; channels come with their number of messages.
+
+    kept: values of another bag of which custom_data and ros_distro are taken.
+    """
+    kept = kept or {}
     filled = [span for span in files if span.first_ns is not None and span.last_ns is not None]
     first = min((span.first_ns or 0 for span in filled), default=None)
     last = max((span.last_ns or 0 for span in filled), default=None)
@@ -171,17 +208,8 @@ def bag_metadata(files: Sequence[FileSpan], topics: Sequence[tuple[Topic, int]])
         "starting_time": times["starting_time"],
         "message_count": sum(span.n_messages for span in files),
         "topics_with_message_count": [
-            {
-                "topic_metadata": {
-                    "name": topic.name,
-                    "type": topic.message_type.name,
-                    "serialization_format": "cdr",
-                    "offered_qos_profiles": [profile.values() for profile in topic.qos],
-                    "type_description_hash": topic.message_type.type_hash,
-                },
-                "message_count": count,
-            }
-            for topic, count in topics
+            {"topic_metadata": _topic_values(channel), "message_count": count}
+            for channel, count in channels
         ],
         "compression_format": "",
         "compression_mode": "",
@@ -194,19 +222,29 @@ def bag_metadata(files: Sequence[FileSpan], topics: Sequence[tuple[Topic, int]])
             }
             for span in files
         ],
-        "custom_data": None,
-        "ros_distro": ROS_DISTRO,
+        "custom_data": kept.get("custom_data"),
+        "ros_distro": kept.get("ros_distro", ROS_DISTRO),
+    }
+
+
+def _topic_values(channel: Channel) -> dict[str, Any]:
+    return {
+        "name": channel.topic,
+        "type": channel.type_name,
+        "serialization_format": channel.encoding,
+        "offered_qos_profiles": qos_values(channel.value(QOS)),
+        "type_description_hash": channel.value(TYPE_HASH),
     }
 
 
 def metadata_text(values: Mapping[str, Any]) -> str:
     """YAML text, as in metadata.yaml and in the MCAP record `rosbag2`."""
-    return yaml.safe_dump(dict(values), sort_keys=False, default_flow_style=False)
+    return yaml_text(dict(values))
 
 
 def _times(first_ns: int | None, last_ns: int | None) -> dict[str, Any]:
-    start = _NO_TIME_NS if first_ns is None else first_ns
-    duration = (last_ns or 0) - (first_ns or 0)
+    start = _NO_TIME_NS if first_ns is None else min(first_ns, _NO_TIME_NS)
+    duration = min(last_ns or 0, _NO_TIME_NS) - min(first_ns or 0, _NO_TIME_NS)
     return {
         "starting_time": {"nanoseconds_since_epoch": start},
         "duration": {"nanoseconds": duration},

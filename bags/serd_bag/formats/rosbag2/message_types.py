@@ -11,7 +11,7 @@ import json
 import os
 import re
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
@@ -21,8 +21,8 @@ from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
 from serd_bag.nearest import hint
+from serd_bag.topic import ROS2MSG, MessageType
 
-ENCODING = "ros2msg"
 _SEPARATOR = "=" * 80
 #: Characters of a definition without comments: rosbags takes a second for 10,000.
 _LONGEST_FIELDS = 20_000
@@ -66,21 +66,6 @@ ADDED = {
 _TYPE_NAME = re.compile(r"\w+/msg/\w+")
 
 
-@dataclass(frozen=True)
-class MessageType:
-    """The definition of a message type.
-
-    name: as `geometry_msgs/msg/Twist`; text: definition with dependencies; type_hash: RIHS01.
-
-    encoding: how the text is written, `ros2msg` or `ros2idl`, empty where there is no text.
-    """
-
-    name: str
-    text: str
-    type_hash: str
-    encoding: str = ENCODING
-
-
 @lru_cache(maxsize=256)
 def message_type(name: str) -> MessageType:
     """The message type of that name; BagError names the nearest one where it is unknown."""
@@ -117,7 +102,7 @@ def message_type(name: str) -> MessageType:
 
 def resolve_type(recorded: MessageType) -> MessageType:
     """Text and hash of a recorded type; BagError where neither bag nor installation has them."""
-    if recorded.text and recorded.encoding == ENCODING:
+    if recorded.text and recorded.encoding == ROS2MSG:
         return replace(recorded, type_hash=recorded.type_hash or _computed_hash(recorded))
     installed = message_type(recorded.name)
     if recorded.type_hash not in ("", installed.type_hash):

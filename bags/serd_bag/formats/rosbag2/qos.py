@@ -5,12 +5,17 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal
 
-import yaml
-
 from serd_bag.errors import BagError
-from serd_bag.formats.limits import yaml_values
+from serd_bag.formats.limits import yaml_text, yaml_values
 
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
+#: Names of the numbers of rmw.
+_NAMES = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "unknown", "manual_by_topic"),
+}
 
 
 @dataclass(frozen=True)
@@ -45,21 +50,41 @@ def qos_text(profiles: Sequence[QosProfile]) -> str:
     if not profiles:
         return ""
     values = [profile.values() for profile in profiles]
-    return yaml.safe_dump(values, sort_keys=False, default_flow_style=False).rstrip("\n")
+    return yaml_text(values).rstrip("\n")
 
 
-@lru_cache(maxsize=256)
 def qos_of_text(text: str) -> tuple[QosProfile, ...]:
     """The profiles in such a text; none where it is no list of profiles.
 
     Unknown values become the defaults. Older rosbag2 writes the numbers of rmw.
     """
+    return tuple(map(_profile, _profiles(text)))
+
+
+def qos_values(text: str) -> list[dict[str, Any]]:
+    """The profiles in such a text as metadata.yaml of Jazzy has them: with names for numbers, all
+    other values as they are."""
+    return [
+        {**RELIABLE.values(), **{key: _named(key, value) for key, value in profile.items()}}
+        for profile in _profiles(text)
+    ]
+
+
+@lru_cache(maxsize=256)
+def _profiles(text: str) -> tuple[dict[str, Any], ...]:
     try:
         profiles = yaml_values(text) if text else ()
     except BagError:
         return ()
     values = profiles if isinstance(profiles, list) else []
-    return tuple(_profile(value) for value in values if isinstance(value, dict))
+    return tuple(value for value in values if isinstance(value, dict))
+
+
+def _named(key: str, value: Any) -> Any:
+    names = _NAMES.get(key)
+    if names is None or not isinstance(value, int):
+        return value
+    return names[value] if 0 <= value < len(names) else "unknown"
 
 
 def profile_to_offer(recorded: Sequence[QosProfile]) -> QosProfile:

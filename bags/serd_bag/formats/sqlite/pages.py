@@ -8,12 +8,15 @@ import struct
 from collections.abc import Iterator
 from mmap import mmap
 
+from serd_bag.damage import State
 from serd_bag.formats.limits import LARGEST_CONTENT, most_records
 
 Value = int | float | str | bytes | None
 
 _FILE_HEAD = 100
 _TABLE_LEAF = 13
+#: Inner pages, and those of indexes.
+_OTHER_KINDS = (2, 5, 10)
 _USUAL_PAGE_SIZE = 4096
 _INTEGER_SIZES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
 
@@ -27,6 +30,8 @@ class SqlitePages:
         self._usable = self._page_size - int.from_bytes(content[20:21], "big")
         self._free = self._free_pages()
         self.n_cut = 0
+        #: of each page: 0 not used, 1 used, 2 with rows that are cut off
+        self._states = bytearray(len(content) // self._page_size + 2)
         self._n_rows = most_records(len(content))
         self._n_bytes = 4 * len(content) + LARGEST_CONTENT
 
@@ -42,15 +47,30 @@ class SqlitePages:
         page = self._page(number)
         head = _FILE_HEAD if number == 1 else 0
         if len(page) < head + 8 or page[head] != _TABLE_LEAF:
+            self._states[number] |= len(page) > head and page[head] in _OTHER_KINDS
             return
+        self._states[number] |= 1
         (n_cells,) = struct.unpack_from(">H", page, head + 3)
         for index in range(min(n_cells, (len(page) - head - 8) // 2)):
             self._n_rows -= 1
             (start,) = struct.unpack_from(">H", page, head + 8 + 2 * index)
             try:
-                yield self._row(page, start)
+                row = self._row(page, start)
             except (IndexError, ValueError, struct.error):
                 self.n_cut += 1
+                self._states[number] |= 2
+                continue
+            yield row
+
+    def lost(self) -> Iterator[tuple[int, int, State, str]]:
+        """Yield begin, end, state and reason of all pages that were not read, or not wholly."""
+        for number in range(1, len(self._states)):
+            state = self._states[number]
+            start = (number - 1) * self._page_size
+            if state & 2:
+                yield start, start + self._page_size, "partly read", "rows of a page are cut off"
+            elif not state and number not in self._free:
+                yield start, start + self._page_size, "lost", "no page of a database begins here"
 
     def _row(self, page: bytes, start: int) -> tuple[int, tuple[Value, ...]]:
         size, at = _varint(page, start)
@@ -67,6 +87,7 @@ class SqlitePages:
         following = struct.unpack_from(">I", page, at + here)[0] if rest else 0
         while rest > 0:
             part = self._page(following) if following else b""
+            self._states[following if part else 0] |= 1
             (following,) = struct.unpack_from(">I", part)
             parts.append(part[4 : self._usable][:rest])
             rest -= self._usable - 4
@@ -103,6 +124,22 @@ class SqlitePages:
             found.update(struct.unpack_from(f">{n_leaves}I", page, 8))
             trunk = following
         return found if len(found) == int.from_bytes(self._content[36:40], "big") else set()
+
+
+def database_size(head: bytes, otherwise: int) -> int:
+    """Bytes of a database by its head; `otherwise` where that does not state it."""
+    n_pages = int.from_bytes(head[28:32], "big")
+    is_valid = head[24:28] == head[92:96] and n_pages > 0
+    return n_pages * _page_size(head) if is_valid else otherwise
+
+
+def has_rows(content: bytes | mmap, start: int, end: int) -> bool:
+    """Whether a page with rows of messages stands between two places."""
+    pages = (content[at : at + 1] == b"\r" for at in range(start, end, _USUAL_PAGE_SIZE))
+    if not any(pages):
+        return False
+    rows = SqlitePages(content[start:end]).rows()
+    return any(len(row) == 4 and isinstance(row[3], bytes) for _, row in rows)
 
 
 def _page_size(content: bytes | mmap) -> int:

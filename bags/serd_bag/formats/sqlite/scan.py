@@ -18,11 +18,9 @@ from pathlib import Path
 
 from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
-from serd_bag.formats.limits import LARGEST_CONTENT, WRONG_TIMES
-from serd_bag.formats.rosbag2.message_types import ENCODING, MessageType
-from serd_bag.formats.rosbag2.qos import qos_of_text
+from serd_bag.formats.limits import LARGEST_MESSAGE
 from serd_bag.formats.sqlite.pages import SqlitePages
-from serd_bag.topic import CDR, RawMessage, Topic
+from serd_bag.topic import QOS, ROS2MSG, TYPE_HASH, Channel, Record
 
 #: What SQLite keeps beside a file that was not closed.
 _UNFINISHED = ("-wal", "-journal")
@@ -30,75 +28,92 @@ _UNFINISHED = ("-wal", "-journal")
 #: topic number, log time, data
 _Row = tuple[int, int, bytes]
 _MAKE = tuple.__new__
+_UNSIGNED = (1 << 64) - 1
+_BLOCK = 1 << 20
 
 
 class SqliteScan(FileScan):
     """One pass through one .db3 file; thorough: let SQLite check the whole file first, else only
     what it reads."""
 
-    def __init__(self, path: Path, *, thorough: bool = False) -> None:
-        super().__init__(path)
+    def __init__(
+        self, path: Path, start: int = 0, end: int | None = None, *, thorough: bool = False
+    ) -> None:
+        super().__init__(path, start, end)
         self._thorough = thorough
 
-    def topics(self) -> list[Topic]:
-        """Topics of the file; of a damaged one those whose rows are left."""
-        with _opened(self.path) as (path, database):
-            found = _topics(path, database)
+    def channels(self) -> list[Channel]:
+        """Channels of the file; of a damaged one those whose rows are left."""
+        with self._database() as (path, database):
+            found = _channels(path, database)
             if not found:
                 self._note(_fault(database) or "it names no topic")
         return list(found.values())
 
-    def messages(self, topics: frozenset[str] | None = None) -> Iterator[RawMessage]:
-        """Messages of the given topics, None for all; publish times are the log times."""
-        n_unknown = n_untimed = 0
-        with _opened(self.path) as (path, database):
+    def records(
+        self,
+        topics: frozenset[str] | None = None,
+        *,
+        doubtful: bool = False,  # noqa: ARG002 (no row is: the format has no checksums)
+    ) -> Iterator[Record]:
+        """Messages of the given topics, None for all; publish times are the log times.
+
+        A time below 0 has the number of the same 64 bits, as in MCAP files of rosbag2.
+        """
+        n_unknown = 0
+        with self._database() as (path, database):
             fault = _fault(database, whole=self._thorough)
             if fault:
                 self._note(fault)
-            known = _topics(path, database)
+            known = _channels(path, database)
             wanted = None
             if topics is not None:
-                wanted = [number for number, topic in known.items() if topic.name in topics]
+                wanted = [number for number, each in known.items() if each.topic in topics]
             condition = "" if wanted is None else f" topic_id IN ({', '.join(map(str, wanted))})"
             if condition and not fault:
                 self.counts.update(_counts(database, known, f" WHERE NOT{condition}"))
-            names = {number: (topic.name, topic.type_name) for number, topic in known.items()}
-            n_read = dict.fromkeys(names, 0)
+            n_read = dict.fromkeys(known, 0)
             condition = condition and f" WHERE{condition}"
             rows = self._salvaged(path) if fault else self._rows(database, condition)
             for number, time_ns, data in rows:
-                if number not in n_read or data.__class__ is not bytes:
+                if (
+                    number not in n_read
+                    or data.__class__ is not bytes
+                    or time_ns.__class__ is not int
+                ):
                     n_unknown += 1
-                    continue
-                if time_ns.__class__ is not int or time_ns < 0:
-                    n_untimed += 1
                     continue
                 n_read[number] += 1
                 if wanted is None or number in wanted:
+                    if time_ns < 0:
+                        time_ns &= _UNSIGNED
                     # NamedTuple's own constructor takes twice as long.
-                    yield _MAKE(RawMessage, (*names[number], data, time_ns, time_ns))
+                    yield _MAKE(Record, (known[number], 0, data, time_ns, time_ns))
             for number, count in n_read.items():
-                self.counts[names[number][0]] += count
-            n_found = self.counts.total() + n_unknown + n_untimed
-            n_indexed = n_found if fault else _n_indexed(database)
-            if n_indexed is not None and n_indexed != n_found:
-                self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
-        self.n_left_out = n_unknown + n_untimed
+                self.counts[known[number].topic] += count
+            if not fault:
+                self._compare_with_index(database, self.counts.total() + n_unknown)
+        self.n_left_out = n_unknown
         if n_unknown:
-            self._note(f"{n_unknown} messages have lost their topic or their content")
-        if n_untimed:
-            self._note(f"{n_untimed} {WRONG_TIMES}")
+            self._note(f"{n_unknown} messages have lost their topic, their time or their content")
+
+    def _compare_with_index(self, database: sqlite3.Connection, n_found: int) -> None:
+        n_indexed = _n_indexed(database)
+        if n_indexed is not None and n_indexed != n_found:
+            self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
 
     def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
         """Rows of messages in the order of recording."""
-        data = "CASE WHEN length(data) <= ? THEN data END"
+        data = "data"
+        if self.path.stat().st_size > LARGEST_MESSAGE:
+            data = f"CASE WHEN length(data) <= {LARGEST_MESSAGE} THEN data END"
         query = f"SELECT topic_id, timestamp, {data} FROM messages{condition}"
         try:
-            yield from database.execute(query, (LARGEST_CONTENT,))
+            yield from database.execute(query)
         except sqlite3.Error as error:
             raise DamagedBagError(
                 f"{self.path} cannot be read any further ({error}); repair it with"
-                " 'serd bag recover'"
+                " 'serd-bag rescue'"
             ) from None
 
     def _salvaged(self, path: Path) -> Iterator[_Row]:
@@ -107,12 +122,29 @@ class SqliteScan(FileScan):
         seen: set[int] = set()
         for number, row in pages.rows():
             match row:
-                case (None, int(topic), int(time_ns), bytes(data)) if time_ns >= 0:
+                case (None, int(topic), int(time_ns), bytes(data)):
                     if number not in seen:
                         seen.add(number)
                         yield topic, time_ns, data
         if pages.n_cut:
             self._note(f"{pages.n_cut} rows are cut off or damaged")
+        for span in pages.lost():
+            self.mark(*span)
+
+    @contextmanager
+    def _database(self) -> Iterator[tuple[Path, sqlite3.Connection]]:
+        """The file and its database, of a part of a file those of a copy; `_opened` opens both."""
+        if self.start == 0 and self.end is None:
+            with _opened(self.path) as opened:
+                yield opened
+            return
+        with tempfile.TemporaryDirectory() as folder, self.opened() as window:
+            copy = Path(folder) / "part.db3"
+            with copy.open("wb") as stream:
+                for place in range(0, window.size, _BLOCK):
+                    stream.write(window.read(place, min(_BLOCK, window.size - place)))
+            with _opened(copy) as opened:
+                yield opened
 
 
 def _fault(database: sqlite3.Connection, *, whole: bool = True) -> str:
@@ -144,14 +176,16 @@ def _is_plain(database: sqlite3.Connection, table: str) -> bool:
     return plain and all(hidden == 0 for *_, hidden in columns)
 
 
-def _counts(database: sqlite3.Connection, topics: dict[int, Topic], condition: str) -> Counter[str]:
+def _counts(
+    database: sqlite3.Connection, known: dict[int, Channel], condition: str
+) -> Counter[str]:
     """Messages of topics of which nothing else is read."""
     found: Counter[str] = Counter()
     query = f"SELECT topic_id, COUNT(*) FROM messages{condition} GROUP BY topic_id"
     with suppress(sqlite3.Error):
         for number, count in database.execute(query):
-            if number in topics:
-                found[topics[number].name] += count
+            if number in known:
+                found[known[number].topic] += count
     return found
 
 
@@ -166,8 +200,8 @@ def _n_indexed(database: sqlite3.Connection) -> int | None:
     return None
 
 
-def _topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]:
-    """Topics by number; of a damaged file those whose rows are left.
+def _channels(path: Path, database: sqlite3.Connection) -> dict[int, Channel]:
+    """Channels by number; of a damaged file those whose rows are left.
 
     Older files have no type hashes and definitions, still older ones no quality of service.
     """
@@ -186,22 +220,31 @@ def _topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]:
         query = f"SELECT id, name, type, serialization_format, {qos}, {digest} FROM topics"
         for number, name, type_name, encoding, profiles, type_hash in database.execute(query):
             if isinstance(name, str) and isinstance(type_name, str):
-                written, text = texts.get(type_name, (ENCODING, ""))
-                recorded = MessageType(type_name, text, type_hash, written)
-                found[number] = Topic(name, recorded, qos_of_text(str(profiles)), encoding)
-        return found
+                written, text = texts.get(type_name, (ROS2MSG, ""))
+                found[number] = _channel(
+                    name, type_name, encoding, written, text, profiles, type_hash
+                )
+        if found or not _fault(database):
+            return found
     except sqlite3.Error:
-        rows = _pages(path).rows()
-        return dict(each for number, row in rows for each in _topic_row(number, row))
+        pass
+    rows = _pages(path).rows()
+    return dict(each for number, row in rows for each in _topic_row(number, row))
 
 
-def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Topic]]:
+def _channel(
+    name: str, type_name: str, encoding: str, written: str, text: str, qos: object, digest: object
+) -> Channel:
+    metadata = ((QOS, str(qos)), (TYPE_HASH, str(digest)))
+    return Channel(name, type_name, str(encoding), written, str(text).encode(), metadata)
+
+
+def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Channel]]:
     """The topic that a row describes, if it describes one."""
     match row:
-        case (None, str(name), str(type_name), "cdr", *rest) if name.startswith("/"):
+        case (None, str(name), str(type_name), str(encoding), *rest) if name.startswith("/"):
             qos, type_hash = [*(str(each) for each in rest), "", ""][:2]
-            recorded = MessageType(type_name, "", type_hash)
-            yield number, Topic(name, recorded, qos_of_text(qos), CDR)
+            yield number, _channel(name, type_name, encoding, ROS2MSG, "", qos, type_hash)
 
 
 def _pages(path: Path) -> SqlitePages:

@@ -10,12 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from lab.bench.given import counted_draws
 from serd_app.learning import methods as product
 from serd_app.learning.methods import FitData, MethodResult
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
+from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.policy_matching import clone_behaviour
 from serd_core.policies.solved_policy import optimal_policy
 from serd_core.selection.evaluation import fitted_policy
@@ -111,6 +114,17 @@ def serd_averaged(trial: Trial) -> Learned:
     )
 
 
+def irl_same_prior(trial: Trial) -> Learned:
+    """MDCE IRL under counted dynamics with SERD's prior, averaged over draws of both."""
+    problem, seen = trial.problem, trial.decisions
+    fit = fit_mdce_irl_by_likelihood(problem, seen, prior=PriorByEvidence())
+    rng = np.random.default_rng(0)
+    draws = laplace_draws(laplace(problem, seen, fit), rng)
+    tables = counted_draws(problem, seen, fit, len(draws), rng)
+    policy = posterior_policy(problem, replace(draws, believed_outcome_probabilities=tables))
+    return replace(learned_from_fit(problem, fit), policy=policy, truth=tables.mean(axis=0))
+
+
 #: Compared on the scripted people's demonstrations (Figs. 5.9 to 5.11).
 METHODS: dict[str, Method] = {
     "MDCE SERD": by(product.mdce_serd),
@@ -122,7 +136,10 @@ METHODS: dict[str, Method] = {
     "cloning": behavioural_cloning,
 }
 #: As one of `METHODS` that the robot drives by, with other predictions of the expert's actions.
-PREDICTORS: dict[str, Method] = {"SERD, averaged": serd_averaged}
+PREDICTORS: dict[str, Method] = {
+    "SERD, averaged": serd_averaged,
+    "IRL, same prior": irl_same_prior,
+}
 #: What may be assumed about the belief of an expert, from most to least.
 ASSUMPTIONS: dict[str, Method] = {
     "fixed (IRL)": by(product.mdce_irl),

@@ -26,7 +26,7 @@ _ONE_MESSAGE = [(2, 1, b"\1\2\3")]
 
 def found_in(path):
     scan = McapScan(path, thorough=True)
-    messages = [(each.log_time_ns, each.publish_time_ns, each.data) for each in scan.messages()]
+    messages = [(each.log_time_ns, each.publish_time_ns, each.data) for each in scan.records()]
     return messages, [each.sentence() for each in scan.damage]
 
 
@@ -43,7 +43,7 @@ def test_files_with_every_combination_of_features_are_sound(tmp_path, content):
     for number, (_, features) in enumerate(each for each in variants() if each[0] == content):
         path.write_bytes(mcap_file(records, features, checksums=number % 3 > 0))
         assert found_in(path) == (expected, []), features
-        assert {topic.name for topic in McapScan(path).topics()} == topics, features
+        assert {channel.topic for channel in McapScan(path).channels()} == topics, features
 
 
 def test_check_reports_files_without_checksums(tmp_path):
@@ -177,4 +177,5 @@ def test_of_two_records_with_one_number_every_field_must_be_equal(changed):
     assert [fault(each) for each in (schema, _CHANNEL, schema, again)] == [""] * 4
     kind = type(changed).__name__.lower()
     assert fault(changed) == f"{kind} 1 is defined twice, in different ways"
-    assert definitions.names(1) == ("/text", "std_msgs/msg/String")
+    kept = definitions.channel(1)
+    assert (kept.topic, kept.type_name) == ("/text", "std_msgs/msg/String")

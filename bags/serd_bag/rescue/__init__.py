@@ -1,0 +1,1 @@
+"""Saving what a broken recording still holds, and the certificate of what was lost."""

@@ -1,0 +1,1 @@
+"""What is done with sound recordings: cut, merge, compare, print, index anew."""

@@ -1,0 +1,1 @@
+"""The table of the field: ten tasks, a file per method, one table of what each reaches."""

@@ -1,0 +1,1 @@
+"""A file per method: TITLE, REQUIREMENTS of an environment of its own, and `learn`."""

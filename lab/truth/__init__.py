@@ -1,0 +1,1 @@
+"""Whether headlines are true: recordings of a stand-in robot, and drives by what was learned."""

@@ -1,0 +1,447 @@
+"""Whether the data support what a model claims: five checks between the fit and the headline.
+
+| key | question | fails where |
+| --- | --- | --- |
+| rollouts | does the policy arrive under counted dynamics? | less often than the model says |
+| ways | is there a way to the goal? | none from a start, or a quarter of the cells |
+| arrival_times | do drives arrive as forecast, or as the model has the driver? | they do not |
+| outcomes | do moves end as often as the posterior expects? | tail probability below 5 % |
+| held_out_moves | are moves of left-out drives likelier than under simpler models? | they are not |
+
+Simpler models of moves are the shortest way with counted dynamics, rewards learned under counted
+dynamics by the same prior, and chance. Counted dynamics are draws of Dirichlet distributions around
+the frequencies of all moves (Rubin, Annals of Statistics 12, 1984, for the tail probability). Fewer
+than three drives support no claim but the counts.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import beta, t
+
+from serd_app.learning.outcome import LearnedTraps
+from serd_bag.quantities import counted, seconds_in_words
+from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrival.arriving_policy import least_time_policy
+from serd_core.arrival.chain import ArrivalByState, timed_arrival
+from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, binomial_tail, steps_within
+from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.demonstrations.decisions import TimedDecisions
+from serd_core.dynamics.estimation import estimate_dynamics
+from serd_core.errors import SerdError
+from serd_core.grid.grid import Action
+from serd_core.grid.navigation import WAITING, NavigationProblem
+from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
+from serd_core.policies.solved_policy import soft_policy
+from serd_core.selection.evaluation import move_log_likelihood
+from serd_core.semi_markov.models import require_timed
+from serd_files.model_file import Check
+from serd_sim.drivers.strategy import MOST_DRAWS, STEP_S, Plan
+
+#: Drives that a prediction takes.
+FEWEST_DRIVES = 3
+#: Shares between which nine in ten arrive.
+BAND = 0.05, 0.95
+#: Chance of a check to fail where the model is right.
+LEVEL = 0.05
+#: Largest share of cells without a way.
+MOST_WITHOUT_A_WAY = 0.25
+#: By which left-out moves must be less likely than under a simpler model for that to count.
+FEWEST_NATS = 3.0
+#: Pseudo-decisions of the frequencies of all moves in each counted model, and replicates.
+_WORTH, _REPLICATES = 2.0, 400
+_CHANCE = 0.01
+
+#: (training, held-out moves) to the (N,) log-likelihood of these under a model of the training.
+Likelihood = Callable[[TimedDecisions, TimedDecisions], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Criticised:
+    """What is tested.
+
+    plan: what the robot would drive. decisions: what it was learned from, up to the goal; seen:
+    those with known actions, where a hidden one that moved was for the cell it led to.
+    likelihood: of held-out moves under the model that a training gives. demonstrator: (S, A)
+    the soft policy that the model has of who drove. n_groups: groups of drives that are left out
+    one after another, 0 for no such test.
+    """
+
+    plan: Plan
+    decisions: TimedDecisions
+    seen: TimedDecisions
+    likelihood: Likelihood
+    demonstrator: FloatArray
+    traps: LearnedTraps
+    n_groups: int
+
+    @property
+    def problem(self) -> NavigationProblem:
+        """The problem of the plan, whose decisions take time."""
+        return self.plan.problem
+
+    @property
+    def starts(self) -> IntArray:
+        """(E,) state in which each drive begins."""
+        first = np.unique(self.decisions.episode, return_index=True)[1]
+        return self.decisions.state[first]
+
+
+def criticise(found: Criticised, rng: np.random.Generator) -> tuple[Check, ...]:
+    """Make all checks; fewer than three drives give one, which states the counts."""
+    n_drives = len(found.decisions.episodes)
+    if n_drives < FEWEST_DRIVES:
+        return (_counts_alone(found, n_drives),)
+    try:
+        dynamics = counted_dynamics(found, rng)
+        checks = [
+            _rollouts(found, dynamics),
+            _ways(found),
+            _arrival_times(found),
+            _outcomes(found, rng),
+        ]
+    except SerdError as error:  # as of a law that does not fit into memory
+        sentence = f"the data could not be tested: {error}"
+        return (Check(key="checks", mark="unknown", sentence=sentence),)
+    if found.n_groups:
+        checks.append(_held_out_moves(found, min(found.n_groups, n_drives)))
+    return tuple(checks)
+
+
+def failure_of(checks: Sequence[Check]) -> str:
+    """Return the sentence of the first check that fails, empty where none does."""
+    return next((each.sentence for each in checks if each.mark == "fails"), "")
+
+
+def _counts_alone(found: Criticised, n_drives: int) -> Check:
+    moves, succeeded = _intended(found)
+    what = f"{counted(n_drives, 'drive')} support{'s' if n_drives == 1 else ''} no claim but counts"
+    if not moves.any():
+        return Check(key="counts", mark="fails", sentence=f"{what}, and no action was recorded")
+    n, k = int(moves.sum()), int(succeeded[moves].sum())
+    return Check(
+        key="counts",
+        mark="fails",
+        sentence=f"{what}: {k} of {counted(n, 'move')} led to the cell they were for"
+        f" ({interval_text(k, n)})",
+    )
+
+
+def interval_text(k: int, n: int) -> str:
+    """Return the 90 % interval of a share by Jeffreys' prior, as text.
+
+    >>> interval_text(14, 21)
+    '49 to 81 %'
+    """
+    low, high = beta.ppf(BAND, k + 0.5, n - k + 0.5)
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+def _intended(found: Criticised) -> tuple[BoolArray, BoolArray]:
+    """(N,) whether a shown decision was a move with an outcome, and whether it led where meant."""
+    decisions, grid = found.decisions, found.problem.grid
+    moves = ~decisions.hidden & (decisions.censored == 0) & (decisions.action != Action.WAIT)
+    aimed_at = grid.neighbours[decisions.state, np.maximum(decisions.action, 0)]
+    moves &= aimed_at != decisions.state
+    return moves, decisions.next_state == aimed_at
+
+
+def outside_band(law: ArrivalLaw, times_s: FloatArray) -> BoolArray:
+    """Whether times, inf without an arrival, are outside the central 90 %.
+
+    An end of the band that is never reached is at infinity.
+    """
+    low_s, high_s = (law.quantile_s(share) for share in BAND)
+    times = np.asarray(times_s, dtype=np.float64)
+    below = times < (np.inf if low_s is None else low_s) - SAME_TIME_S
+    above = times > (np.inf if high_s is None else high_s) + SAME_TIME_S
+    return np.asarray(below | above)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTimes:
+    """When the recorded drives that reach the goal did so, since they began.
+
+    times_s: (N,); outside: (N,) whether that is outside the band predicted from where they began.
+    """
+
+    times_s: FloatArray
+    outside: BoolArray
+
+
+def recorded_times(plan: Plan, decisions: TimedDecisions, reaching: IntArray) -> RecordedTimes:
+    """The times of arrival of the recorded episodes that reach the goal, beside their prediction.
+
+    decisions: up to the goal; reaching: (E,) numbers of these episodes, which arrive where their
+    last decision ends.
+    """
+    return _times_beside(plan.law_of_cell, decisions, reaching)
+
+
+def _times_beside(
+    law_of: Callable[[int], ArrivalLaw], decisions: TimedDecisions, reaching: IntArray
+) -> RecordedTimes:
+    times_s, outside = [], []
+    for episode in reaching:
+        rows = np.flatnonzero(decisions.episode == episode)
+        ends_s = decisions.time_s[rows[-1]] + decisions.dwell_s[rows[-1]]
+        time_s = float(ends_s - decisions.time_s[rows[0]])
+        law = law_of(int(decisions.state[rows[0]]))
+        times_s.append(time_s)
+        outside.append(bool(outside_band(law, np.array(time_s))))
+    return RecordedTimes(np.array(times_s), np.array(outside, dtype=np.bool_))
+
+
+def too_many(outside: BoolArray) -> bool:
+    """Whether more times are outside the band than chance explains."""
+    chance = 1.0 - BAND[1] + BAND[0]
+    return binomial_tail(int(outside.sum()), len(outside), chance) <= LEVEL
+
+
+def _arrival_times(found: Criticised) -> Check:
+    decisions, goals = found.decisions, found.problem.goal_states
+    arriving = np.unique(decisions.episode[np.isin(decisions.next_state, goals)])
+    recorded = recorded_times(found.plan, decisions, arriving)
+    outside, n = recorded.outside, len(recorded.outside)
+    if not n:
+        return Check(key="arrival_times", mark="fails", sentence="no recorded drive arrives")
+    low_s, high_s = (seconds_in_words(float(each(recorded.times_s))) for each in (np.min, np.max))
+    span = f"after {low_s}" if low_s == high_s else f"after {low_s} to {high_s}"
+    sentence = (
+        f"{int((~outside).sum())} of {counted(n, 'recorded drive')}, which arrived {span},"
+        f" {'are' if n > 1 else 'is'} within the 90 % band of the forecast"
+    )
+    fails = too_many(outside)
+    if fails:  # a soft expert takes longer than the robot, which the model may know
+        beside = _times_of_demonstrator(found, arriving).outside
+        fails = too_many(beside)
+        sentence += f", {int((~beside).sum())} within that of a driver as the model has it"
+    return Check(key="arrival_times", mark="fails" if fails else "holds", sentence=sentence)
+
+
+def _times_of_demonstrator(found: Criticised, arriving: IntArray) -> RecordedTimes:
+    """The recorded times beside those of the soft policy that the model has of who drove."""
+    plan = found.plan
+    arrival = ArrivalByState.average(
+        timed_arrival(plan.problem, found.demonstrator, each, STEP_S, plan.n_steps)
+        for each in plan.draws[:MOST_DRAWS]
+    )
+
+    def law_of(state: int) -> ArrivalLaw:
+        times_s = np.asarray(STEP_S * np.arange(plan.n_steps + 1), dtype=np.float64)
+        return ArrivalLaw(times_s, arrival.cdf[:, state], float(arrival.arrival_probability[state]))
+
+    return _times_beside(law_of, found.decisions, arriving)
+
+
+def _held_out_moves(found: Criticised, n_groups: int) -> Check:
+    """The difference to each simpler model, summed by drive, with its 90 % interval."""
+    key, episodes = "held_out_moves", found.decisions.episodes
+    group_of = dict(
+        zip(episodes.tolist(), (np.arange(len(episodes)) % n_groups).tolist(), strict=True)
+    )
+    group = np.array([group_of[each] for each in found.decisions.episode.tolist()])
+    known = found.decisions.censored == 0
+    rows: list[FloatArray] = []
+    try:
+        for number in range(n_groups):
+            training = found.decisions.select(group != number)
+            held_out = found.decisions.select((group == number) & known)
+            if len(held_out):
+                rows.append(_by_drive(found, training, held_out))
+    except SerdError as error:
+        return Check(
+            key=key, mark="unknown", sentence=f"left-out drives could not be tested: {error}"
+        )
+    table = np.concatenate(rows, axis=1)  # own model, then the simpler ones, and numbers of moves
+    n_moves = table[-1].sum()
+    texts, fails = [], False
+    for name, simpler in zip(
+        ("the shortest way", "rewards alone", "chance"), table[1:], strict=False
+    ):
+        mean, half = _mean_with_half_width(table[0] - simpler, n_moves)
+        fails |= mean + half < 0 and mean * n_moves < -FEWEST_NATS
+        fails |= name == "chance" and mean <= 0
+        texts.append(f"{mean:+.2f} ± {half:.2f} against {name}")
+    return Check(
+        key=key,
+        mark="fails" if fails else "holds",
+        sentence=f"log-likelihood of {n_moves:.0f} moves of left-out drives, per move:"
+        f" {', '.join(texts)}",
+    )
+
+
+def _mean_with_half_width(difference: FloatArray, n_moves: float) -> tuple[float, float]:
+    """Return the mean per move of differences summed by drive, and half its 90 % interval."""
+    n = len(difference)
+    spread = float(difference.std(ddof=1)) * np.sqrt(n) if n > 1 else np.inf
+    return float(difference.sum() / n_moves), float(t.ppf(BAND[1], n - 1) * spread / n_moves)
+
+
+def _by_drive(found: Criticised, training: TimedDecisions, held_out: TimedDecisions) -> FloatArray:
+    """(5, E) of each held-out drive: sums of log-likelihoods by the model, the shortest way,
+    rewards alone and chance, and the number of moves."""
+    problem, counts = (
+        found.problem,
+        found.seen.select(np.isin(found.seen.episode, training.episode)),
+    )
+    moves = held_out.with_hidden_actions()
+    parameters = estimate_dynamics(problem, counts)
+    table = require_timed(problem.mdp.transitions).outcomes.local_probabilities(parameters)
+    shortest = _shortest_way(problem, counts, table)
+    fit = fit_mdce_irl_by_likelihood(
+        problem, counts, initial_weights=np.zeros(len(problem.feature_names)), dynamics=parameters,
+        prior=PriorByEvidence(),
+    )  # fmt: skip
+    local = require_timed(problem.mdp.transitions).local_probabilities(parameters)
+    rewards = soft_policy(problem, fit.reward_weights, local).probabilities
+    scores = (
+        _mixed(found.likelihood(training, moves), problem, moves),
+        _mixed(move_log_likelihood(problem.by_decisions, moves, shortest, table), problem, moves),
+        _mixed(move_log_likelihood(problem.by_decisions, moves, rewards, table), problem, moves),
+        _chance(problem, moves),
+        np.ones(len(moves)),
+    )
+    order = np.searchsorted(moves.episodes, moves.episode)
+    return np.stack([np.bincount(order, weights=each) for each in scores])
+
+
+def _chance(problem: NavigationProblem, moves: TimedDecisions) -> FloatArray:
+    """(N,) log-likelihood where each of the cells around and the own one is equally likely."""
+    around = problem.grid.neighbours[moves.state]
+    same = (around == moves.next_state[:, None]).sum(axis=1)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(same / around.shape[1]))
+
+
+def _mixed(scores: FloatArray, problem: NavigationProblem, moves: TimedDecisions) -> FloatArray:
+    """(N,) log-likelihoods of a model that is chance once in a hundred: none is infinite."""
+    return np.asarray(
+        np.logaddexp(np.log1p(-_CHANCE) + scores, np.log(_CHANCE) + _chance(problem, moves))
+    )
+
+
+def _shortest_way(
+    problem: NavigationProblem, counts: TimedDecisions, table: FloatArray
+) -> FloatArray:
+    """(S, A) the way of least time under counted dynamics, as often as the drives take it."""
+    model = require_timed(problem.mdp.transitions)
+    seconds = model.expected_seconds(estimate_dynamics(problem, counts))
+    best = least_time_policy(problem, table, seconds).probabilities
+    taken = best[counts.state, counts.action] > 0
+    share = (taken.sum() + 1.0) / (len(taken) + 2.0)
+    available = problem.outcome_models.available
+    return np.asarray(
+        share * best + (1.0 - share) * available / available.sum(axis=1, keepdims=True)
+    )
+
+
+def _outcomes(found: Criticised, rng: np.random.Generator) -> Check:
+    """The tail probability of the counts by posterior prediction, of the worst model."""
+    moves, succeeded = _intended(found)
+    if not moves.any():
+        return Check(
+            key="outcomes", mark="unknown", sentence="outcomes are not tested: actions are hidden"
+        )
+    models, decisions = found.problem.outcome_models, found.decisions
+    of_model = models.model_of[decisions.state, np.maximum(decisions.action, 0)]
+    worst = None
+    used = np.unique(of_model[moves])
+    for m in used.tolist():
+        rows = np.flatnonzero(moves & (of_model == m))
+        n, k = len(rows), int(succeeded[rows].sum())
+        expected = _expected_successes(found, rows)  # (draws, n)
+        drawn = expected[rng.integers(len(expected), size=_REPLICATES)]
+        replicates = (rng.random(drawn.shape) < drawn).sum(axis=1)
+        tail = min((replicates <= k).mean(), (replicates >= k).mean())
+        tail = min(1.0, 2.0 * float(tail) * len(used))
+        if worst is None or tail < worst[0]:
+            low, high = np.quantile(drawn.mean(axis=1), BAND)
+            worst = tail, m, n, k, low, high
+    assert worst is not None
+    tail, m, n, k, low, high = worst
+    name = found.problem.model_names[m].replace("_", " ")
+    return Check(
+        key="outcomes",
+        mark="fails" if tail < LEVEL else "holds",
+        sentence=f"{k} of {counted(n, 'move')} {name} led to the cell they were for"
+        f" ({interval_text(k, n)}), where the model expects {100 * low:.0f} to {100 * high:.0f} %"
+        f" (tail probability {tail:.2f})",
+    )
+
+
+def _expected_successes(found: Criticised, rows: IntArray) -> FloatArray:
+    """(draws, n) probability that a move leads to the cell that it is for."""
+    decisions, models = found.decisions, found.problem.outcome_models
+    state, action = decisions.state[rows], decisions.action[rows]
+    aimed_at = found.problem.grid.neighbours[state, action]
+    leads = models.successors[state, action] == aimed_at[:, None]
+    model = require_timed(found.problem.mdp.transitions)
+    tables = model.outcomes.local_probabilities(found.plan.draws)
+    return np.asarray((tables[:, models.model_of[state, action]] * leads).sum(axis=2))
+
+
+def counted_dynamics(found: Criticised, rng: np.random.Generator) -> FloatArray:
+    """(n, N) draws of the dynamics that counts alone give, with counted dwell times."""
+    problem, model = found.problem, require_timed(found.problem.mdp.transitions)
+    seen = found.seen
+    counted_once = estimate_dynamics(problem, seen, 0.1)
+    table = model.outcomes.local_probabilities(counted_once)
+    with_outcome = seen.select(seen.censored == 0)
+    of_model = problem.outcome_models.model_of[with_outcome.state, with_outcome.action]
+    n = np.bincount(of_model, minlength=len(table)).astype(np.float64)
+    moves = np.arange(len(table)) != WAITING
+    counts = table * n[:, None]
+    pooled = counts[moves].sum(axis=0) + 1.0 / table.shape[1]
+    base = np.where(moves[:, None], pooled / pooled.sum(), 1.0 / table.shape[1])
+    means, shapes = np.exp(counted_once[model.means]), np.exp(counted_once[model.shapes])
+    drawn = np.maximum([rng.dirichlet(row, MOST_DRAWS) for row in counts + _WORTH * base], 1e-9)
+    tables = (drawn / drawn.sum(axis=2, keepdims=True)).swapaxes(0, 1)
+    return np.stack([model.parameters_from(table, means, shapes) for table in tables])
+
+
+def _rollouts(found: Criticised, dynamics: FloatArray) -> Check:
+    """The arrival of the driven policy under counted dynamics, beside that of its own."""
+    plan, starts = found.plan, found.starts
+    n_steps = steps_within(plan.timeout_s, STEP_S)
+    own = plan.arrival_of_draws(plan.policy)
+    policy = plan.policy.probabilities
+    under = [timed_arrival(found.problem, policy, each, STEP_S, n_steps) for each in dynamics]
+    claimed, counts = (_arriving(each, starts) for each in (own, under))
+    disagree = np.quantile(counts, BAND[1]) < np.quantile(claimed, BAND[0]) - 0.01
+    fails = disagree or counts.mean() < 0.5 <= claimed.mean()
+    half_s = _median_s(under, starts)
+    half = "" if half_s is None else f", half of them by {seconds_in_words(half_s)}"
+    low, high = np.quantile(counts, BAND)
+    return Check(
+        key="rollouts",
+        mark="fails" if fails else "holds",
+        sentence=f"under counted dynamics the learned policy arrives in {100 * counts.mean():.0f} %"
+        f" ({100 * low:.0f} to {100 * high:.0f} %) of drives within"
+        f" {seconds_in_words(plan.timeout_s)}{half}; the model says {100 * claimed.mean():.0f} %",
+    )
+
+
+def _arriving(arrivals: Sequence[ArrivalByState], starts: IntArray) -> FloatArray:
+    """(n,) share of drives from the starts that arrive until the time-out."""
+    return np.array([each.cdf[-1, starts].mean() for each in arrivals])
+
+
+def _median_s(arrivals: Sequence[ArrivalByState], starts: IntArray) -> float | None:
+    cdf = np.mean([each.cdf[:, starts].mean(axis=1) for each in arrivals], axis=0)
+    reached = np.flatnonzero(cdf >= 0.5)
+    return float(STEP_S * reached[0]) if len(reached) else None
+
+
+def _ways(found: Criticised) -> Check:
+    traps = found.traps
+    without, starts = traps.n_looping_cells, traps.n_looping_starts
+    fails = starts > 0 or without > MOST_WITHOUT_A_WAY * traps.n_reaching_cells
+    return Check(
+        key="ways",
+        mark="fails" if fails else "holds",
+        sentence=f"the learned policy has no way to the goal from {without} of"
+        f" {traps.n_reaching_cells} cells, among them {starts} of {traps.n_starts} where drives"
+        " begin",
+    )

@@ -1,0 +1,134 @@
+"""Checks between fit and headline: they hold where the model is right, and fail where it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import beta, binom
+
+from serd_app.learning.criticism import Criticised, counted_dynamics, criticise, interval_text
+from serd_app.learning.outcome import learned_traps
+from serd_app.learning.recipe import learn, plan_of
+from serd_app.learning.settings import LearningSettings
+from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.semi_markov.models import require_timed
+from serd_sim.drivers.strategy import Plan
+from tests.serd_app.learning.test_durations import (
+    MODEL,
+    PROBLEM,
+    TABLE,
+    TASK,
+    TRUTH,
+    WEIGHTS,
+    demonstrations,
+)
+
+KEYS = {"rollouts", "ways", "arrival_times", "outcomes", "held_out_moves"}
+DRIVES = demonstrations(12)
+
+
+def criticised(draws, decisions=DRIVES, weights=WEIGHTS, **changes):
+    """A plan under (n, N) draws of the dynamics, tested on drives of the true ones."""
+    tables = require_timed(PROBLEM.mdp.transitions).local_probabilities(draws)
+    learned = optimal_policy(PROBLEM, weights, tables.mean(axis=0))
+    plan = Plan(problem=PROBLEM, learned=learned, draws=draws, timeout_s=120.0)
+    expert = soft_policy(PROBLEM, weights, tables.mean(axis=0)).probabilities
+    traps = learned_traps(PROBLEM, decisions, weights, draws)
+    found = Criticised(
+        plan, decisions, decisions, lambda *_: np.zeros(0), expert, traps, n_groups=0
+    )
+    return replace(found, **changes)
+
+
+def marks(found):
+    return {each.key: each.mark for each in criticise(found, np.random.default_rng(3))}
+
+
+def table_with(forward):
+    """Dynamics whose moves lead where they are for with a probability, else stay."""
+    table = TABLE.copy()
+    table[:3] = [1.0 - forward - 0.06, forward, 0.02, 0.02, 0.02]
+    return MODEL.parameters_from(table, [1.0, 2.5, 1.4], 5.0)[None]
+
+
+def test_all_checks_of_a_right_model_hold_and_its_file_carries_them():
+    outcome = learn(TASK, demonstrations(20), LearningSettings(discount=0.97))
+    checks = outcome.model.checks
+    assert {each.key for each in checks} == KEYS
+    assert {each.mark for each in checks} == {"holds"}, checks
+    assert all("\n" not in each.sentence for each in checks)
+
+
+def test_fewer_than_three_drives_support_the_counts_alone():
+    one = demonstrations(1)
+    (check,) = learn(TASK, one, LearningSettings(discount=0.97, minimum_decisions=1)).model.checks
+    moves = (one.censored == 0) & (one.action != 0)
+    aimed_at = PROBLEM.grid.neighbours[one.state, one.action]
+    moves &= aimed_at != one.state
+    n, k = int(moves.sum()), int((aimed_at == one.next_state)[moves].sum())
+    assert (check.key, check.mark) == ("counts", "fails")
+    assert (
+        f"{k} of {n} moves led to the cell they were for ({interval_text(k, n)})" in check.sentence
+    )
+    low, high = beta.ppf([0.05, 0.95], k + 0.5, n - k + 0.5)
+    assert interval_text(k, n) == f"{100 * low:.0f} to {100 * high:.0f} %"
+
+
+@pytest.mark.parametrize(("forward", "mark"), [(0.9, "holds"), (0.35, "fails")])
+def test_counts_that_the_posterior_does_not_expect_fail(forward, mark):
+    found = criticised(table_with(forward))
+    outcomes = next(
+        each for each in criticise(found, np.random.default_rng(3)) if each.key == "outcomes"
+    )
+    # The same tail for one draw in closed form, of the worst of the models.
+    assert outcomes.mark == mark
+    decisions = found.decisions
+    of_model = PROBLEM.outcome_models.model_of[decisions.state, decisions.action]
+    aimed_at = PROBLEM.grid.neighbours[decisions.state, decisions.action]
+    moves = (decisions.censored == 0) & (decisions.action != 0) & (aimed_at != decisions.state)
+    tails = []
+    for m in np.unique(of_model[moves]):
+        rows = moves & (of_model == m)
+        law = binom(rows.sum(), forward)  # away from walls
+        k = (decisions.next_state == aimed_at)[rows].sum()
+        tails.append(min(1.0, 2 * len(np.unique(of_model[moves])) * min(law.cdf(k), law.sf(k - 1))))
+    stated = float(outcomes.sentence.rsplit("probability ", 1)[1].rstrip(")"))
+    assert stated == pytest.approx(min(tails), abs=0.1)
+
+
+def test_a_claim_to_arrive_fails_where_counted_moves_do_not_lead_there():
+    still = replace(DRIVES, next_state=DRIVES.state)  # nothing that was tried led anywhere
+    assert marks(criticised(TRUTH[None]))["rollouts"] == "holds"
+    found = marks(criticised(TRUTH[None], decisions=still))
+    assert (found["rollouts"], found["arrival_times"]) == ("fails", "fails")
+
+
+def test_a_policy_that_shuns_the_goal_has_no_way_and_its_forecast_no_recorded_times():
+    found = marks(criticised(TRUTH[None], weights=np.array([-3.0, 0.0, 0.0])))
+    assert found["ways"] == "fails"
+    slow = replace(DRIVES, dwell_s=10 * DRIVES.dwell_s, time_s=10 * DRIVES.time_s)
+    found = marks(criticised(TRUTH[None], decisions=slow))
+    assert found["arrival_times"] == "fails"
+
+
+def test_moves_that_a_model_makes_unlikely_fail_against_chance():
+    def rare(_, moves):
+        return np.full(len(moves), -9.0)
+
+    assert marks(criticised(TRUTH[None], likelihood=rare, n_groups=4))["held_out_moves"] == "fails"
+
+
+def test_counted_dynamics_are_the_frequencies_of_many_moves():
+    found = criticised(TRUTH[None], decisions=demonstrations(300, seed=5))
+    drawn = counted_dynamics(found, np.random.default_rng(0))
+    tables = MODEL.outcomes.local_probabilities(drawn)
+    np.testing.assert_allclose(tables.mean(axis=0)[0], TABLE[0], atol=0.03)
+    assert (
+        plan_of(
+            PROBLEM,
+            learn(TASK, DRIVES, LearningSettings(discount=0.97, held_out_groups=0)).fit,
+            drawn,
+            60.0,
+        ).timeout_s
+        == 60.0
+    )
