@@ -85,7 +85,7 @@ def clock_difference(log_s: FloatArray, delay_s: FloatArray) -> ClockDifference:
         offset_s=-level_s,
         drift=-slope,
         jumps=tuple(
-            (first_s + _place(time_s, leaps_s, row), float(-jumps_s[row])) for row in jumped
+            (first_s + _place(time_s, leaps_s, int(row)), float(-jumps_s[row])) for row in jumped
         ),
         span_s=float(time_s[-1] - time_s[0]),
         held_s=max(0.0, float(late_s.max())) if is_late.any() else 0.0,
@@ -164,7 +164,7 @@ def _envelope(time_s: FloatArray, delay_s: FloatArray) -> tuple[float, float]:
     """Level at time 0 and slope of the lower envelope; slope 0 where there is no clear drift."""
     hull: list[int] = []
     for row in range(len(time_s)):
-        while len(hull) > 1 and _turns(time_s, delay_s, *hull[-2:], row):
+        while len(hull) > 1 and _turns(time_s, delay_s, hull[-2], hull[-1], row):
             hull.pop()
         hull.append(row)
     edge = int(np.searchsorted(time_s[hull[1:-1]], time_s.mean()))
