@@ -1,10 +1,8 @@
 """Checks of a whole recording: damage, counts, gaps, clocks.
 
 The stamp of a message is that of the std_msgs/Header it begins with, or of the first element of the
-array it begins with; its log time is when the recorder received it. Stamps that step back, jump or
-drift against the log times indicate two clocks. These are compared by delay = log time - stamp. A
-late message has a long delay; the least delay within a second changes only where a clock jumps or
-runs at another rate. (NTP filters clocks likewise: RFC 5905, section 10.)
+array it begins with; its log time is when the recorder received it. `messages.clocks` compares the
+clocks of both: offset, drift and jumps, apart from messages that a link held back.
 """
 
 import re
@@ -15,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
 from serd_bag.formats.rosbag2.message_types import message_type
+from serd_bag.messages.clocks import ClockDifference, FloatArray, clock_difference
 from serd_bag.messages.plain import CDR_HEAD, message_stamp_ns
-from serd_bag.messages.times import AGREEMENT_S, FloatArray
+from serd_bag.messages.times import AGREEMENT_S
 from serd_bag.quantities import counted
 from serd_bag.reader import BagReader
 from serd_bag.topic import ROS2MSG, Topic, nearest_topic, topics_named
@@ -31,12 +29,6 @@ _SECOND_NS = 1_000_000_000
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
 #: Messages closer together are one burst, or have no stamps and were given the same log time.
 _BURST_S = 1e-3
-_BLOCK_S = 1.0
-_FEWEST_BLOCKS = 5
-_LEAST_JUMP_S = 0.5
-_LEAST_DRIFT_S = 0.1
-#: A trend must be that many standard deviations of the residuals.
-_CLEAR = 5.0
 #: Messages whose times are kept in memory.
 _MOST_COMPARED = 1_000_000
 #: Characters of a definition in which its first field is sought.
@@ -46,20 +38,6 @@ _NO_CHECKSUMS = (
     "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd bag convert'"
     " adds checksums"
 )
-
-
-@dataclass(frozen=True)
-class TwoClocks:
-    """How the clock of a topic's stamps differs from that of the log times.
-
-    jumps_s: forward above 0; drift_s: over span_s, ahead above 0; offset_s: how far the clock of
-    the stamps is ahead; 0 where it is the same one, jumps or drifts.
-    """
-
-    jumps_s: tuple[float, ...] = ()
-    drift_s: float = 0.0
-    span_s: float = 0.0
-    offset_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +64,7 @@ class TopicCheck:
     n_log_steps_back: int
     n_stamp_steps_back: int
     stamp_delay_s: tuple[float, float] | None
-    clocks: TwoClocks
+    clocks: ClockDifference
 
 
 def check_topic(
@@ -119,7 +97,7 @@ def check_topic(
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
         n_stamp_steps_back=int(np.count_nonzero(np.diff(stamps[sent]) < 0)),
         stamp_delay_s=(float(delay_s.min()), float(delay_s.max())) if len(delay_s) else None,
-        clocks=two_clocks((sent_logs - logs[:1]) / _SECOND_NS, delay_s),
+        clocks=clock_difference((sent_logs - logs[:1]) / _SECOND_NS, delay_s),
     )
 
 
@@ -133,44 +111,6 @@ def _usual(steps_s: FloatArray) -> tuple[float, float | None]:
         return usual_s, 1.0 / usual_s if usual_s > 0 else None
     usual_s = float(np.median(apart))
     return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
-
-
-def two_clocks(log_s: FloatArray, delay_s: FloatArray) -> TwoClocks:
-    """Compare the clocks by log times and delays (N,); no result for less than 5 s."""
-    time_s, delay_s = _least_delays(log_s, delay_s)
-    if len(time_s) < _FEWEST_BLOCKS:
-        return TwoClocks()
-    # The middle one of each three: without single outliers.
-    time_s, delay_s = time_s[1:-1], np.median(sliding_window_view(delay_s, 3), axis=1)
-    steps_s, apart_s = np.diff(delay_s), np.diff(time_s)
-    unusual_s = steps_s - np.median(steps_s / apart_s) * apart_s
-    jumped = np.abs(unusual_s) > _LEAST_JUMP_S
-    jumps_s = np.where(jumped, unusual_s, 0.0)
-    smooth_s = delay_s - np.concatenate([[0.0], np.cumsum(jumps_s)])
-    drift_s = -_trend(time_s, smooth_s)
-    offset_s = -float(np.median(delay_s))
-    is_offset = not jumped.any() and not drift_s and abs(offset_s) > AGREEMENT_S
-    return TwoClocks(
-        jumps_s=tuple(float(-jump_s) for jump_s in jumps_s[jumped]),
-        drift_s=drift_s,
-        span_s=float(time_s[-1] - time_s[0]),
-        offset_s=offset_s if is_offset else 0.0,
-    )
-
-
-def _least_delays(log_s: FloatArray, delay_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(log time, delay) of the least delayed message of each second that has any."""
-    order = np.lexsort((delay_s, np.floor(log_s / _BLOCK_S)))
-    _, first = np.unique(np.floor(log_s[order] / _BLOCK_S), return_index=True)
-    return log_s[order][first], delay_s[order][first]
-
-
-def _trend(time_s: FloatArray, delay_s: FloatArray) -> float:
-    """Change over the whole time by a straight line; 0 where there is no clear trend."""
-    slope, level = np.polyfit(time_s - time_s[0], delay_s, 1)
-    rest_s = float(np.std(delay_s - level - slope * (time_s - time_s[0])))
-    change_s = float(slope * (time_s[-1] - time_s[0]))
-    return change_s if abs(change_s) > max(_LEAST_DRIFT_S, _CLEAR * rest_s) else 0.0
 
 
 @dataclass(frozen=True)
@@ -276,7 +216,7 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
     remarks = [f"{topic.name}: {remark}" for topic in topics for remark in _remarks_on(topic)]
     # Clocks that differ by a constant; that of log times may be the one that differs.
     compared = [topic for topic in topics if topic.clocks.span_s]
-    ahead_s = [topic.clocks.offset_s for topic in compared]
+    ahead_s = [_constant_s(topic.clocks) for topic in compared]
     if len(compared) > 1 and all(ahead_s) and np.ptp(ahead_s) <= AGREEMENT_S:
         how_far = _ahead(ahead_s[0])
         return [*remarks, f"all stamps are {how_far} log times: those of another or simulated time"]
@@ -285,6 +225,12 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
         for topic, offset_s in zip(compared, ahead_s, strict=True)
         if offset_s
     ]
+
+
+def _constant_s(clocks: ClockDifference) -> float:
+    """How far stamps are ahead all the time; 0 where they agree, jump or drift."""
+    is_apart = abs(clocks.offset_s) > AGREEMENT_S and not clocks.jumps and not clocks.drift
+    return clocks.offset_s if is_apart else 0.0
 
 
 def _remarks_on(topic: TopicCheck) -> Iterator[str]:
@@ -296,7 +242,8 @@ def _remarks_on(topic: TopicCheck) -> Iterator[str]:
         yield f"log time steps back {_times(topic.n_log_steps_back)}"
     if topic.n_stamp_steps_back:
         yield f"stamps step back {_times(topic.n_stamp_steps_back)}"
-    jumps_s, drift_s = topic.clocks.jumps_s, topic.clocks.drift_s
+    jumps_s = [size_s for _, size_s in topic.clocks.jumps]
+    drift_s, held_s = topic.clocks.drift_s, topic.clocks.held_s
     if jumps_s:
         largest_s = max(jumps_s, key=abs)
         way = "forward" if largest_s > 0 else "back"
@@ -305,6 +252,9 @@ def _remarks_on(topic: TopicCheck) -> Iterator[str]:
     if drift_s:
         way = "ahead of" if drift_s > 0 else "behind"
         yield f"stamps run {way} log times by {abs(drift_s):.2f} s in {topic.clocks.span_s:.0f} s"
+    if held_s:
+        often = _times(topic.clocks.n_held)
+        yield f"messages were held back {often}, up to {held_s:.1f} s, as by a radio link"
 
 
 def _ahead(offset_s: float) -> str:

@@ -10,7 +10,7 @@ from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import rosbags_types
-from serd_bag.messages.times import FloatArray
+from serd_bag.messages.clocks import FloatArray
 
 _SECOND_NS = 1_000_000_000
 #: Bytes before the content of a message; then seconds and nanoseconds of a stamp.

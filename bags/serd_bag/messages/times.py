@@ -2,21 +2,23 @@
 
 Log time is when the recorder received the message, publish time when it was sent. A message with a
 header is placed by its stamp where the clock of its topic's stamps agrees with another clock, that
-of the log times or of another topic; any other message is placed by its log time.
+of the log times or of another topic; any other message is placed by its log time. Messages that a
+link held back are late, and their clock is right.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from serd_bag.messages.clocks import FloatArray, clock_difference
+
 _SECOND_NS = 1_000_000_000
 #: A stamp that falls back by more (ns) belongs to another session.
 RESTART_NS = _SECOND_NS
-#: Clocks agree when the median difference is at most this (s).
+#: Clocks agree when they differ by at most this (s) most of the time.
 AGREEMENT_S = 1.0
 #: And this share of the stamps is not ahead of the receipt nor too old.
 _SHARE = 0.75
-#: A stamp may be older than its message's receipt by this time (s): the message was late.
+#: A stamp that falls back may be older than its receipt by this time (s): the message was late.
 _LATEST_S = 10.0
 #: A stamp that is further ahead of /clock is of another clock.
 _SIMULATED_LEAD_NS = 10 * _SECOND_NS
@@ -78,8 +80,10 @@ def agrees(clock_s: FloatArray, stamp_s: FloatArray) -> bool:
     delay_s = clock_s[is_set] - stamp_s[is_set]
     if not len(delay_s):
         return True
-    usual_s = abs(float(np.median(delay_s)))
-    return usual_s <= AGREEMENT_S and float(_is_possible(delay_s).mean()) >= _SHARE
+    ahead_s = clock_difference(clock_s[is_set], delay_s).ahead_s(clock_s[is_set])
+    usual_s = abs(float(np.median(ahead_s)))
+    possible = _is_possible(clock_s[is_set], stamp_s[is_set])
+    return usual_s <= AGREEMENT_S and float(possible.mean()) >= _SHARE
 
 
 def placed_s(clock_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
@@ -90,7 +94,7 @@ def placed_s(clock_s: FloatArray, stamp_s: FloatArray) -> FloatArray:
     """
     if not agrees(clock_s, stamp_s):
         return clock_s
-    return np.where((stamp_s > 0) & _is_possible(clock_s - stamp_s), stamp_s, clock_s)
+    return np.where(_is_possible(clock_s, stamp_s), stamp_s, clock_s)
 
 
 def falls_back_s(time_s: FloatArray) -> FloatArray:
@@ -98,5 +102,12 @@ def falls_back_s(time_s: FloatArray) -> FloatArray:
     return np.maximum.accumulate(time_s) - time_s
 
 
-def _is_possible(delay_s: FloatArray) -> NDArray[np.bool_]:
-    return np.asarray((delay_s >= -AGREEMENT_S) & (delay_s <= _LATEST_S))
+def _is_possible(clock_s: FloatArray, stamp_s: FloatArray) -> NDArray[np.bool_]:
+    """Whether stamps are not ahead of the receipt, nor too old: those of messages that a link held
+    back are old, and follow each other as they were sent."""
+    delay_s = clock_s - stamp_s
+    is_not_ahead = (delay_s >= -AGREEMENT_S) & (stamp_s > 0)
+    first_s = clock_s.min(initial=np.inf) - _LATEST_S
+    sent_s = np.where(is_not_ahead & (stamp_s > first_s), stamp_s, first_s)
+    in_order = np.maximum.accumulate(sent_s) <= stamp_s + AGREEMENT_S
+    return np.asarray(is_not_ahead & ((delay_s <= _LATEST_S) | in_order))
