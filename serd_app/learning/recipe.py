@@ -8,10 +8,8 @@ times also differ by place is decided by episodes that were left out.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
-from scipy.special import logsumexp
 
 from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
@@ -35,12 +33,12 @@ from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
-from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
+from serd_core.policies.solved_policy import optimal_policy
+from serd_core.selection.evaluation import fitted_policy
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
-from serd_sim.drivers.strategy import MOST_DRAWS, Plan
+from serd_sim.drivers.strategy import Plan
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
@@ -142,10 +140,10 @@ def _checks(
         plan,
         decisions,
         with_moves_as_actions(task.problem.grid, decisions),
-        partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
+        problem,
+        draws,
         demonstrator_of(problem, found.fit, draws),
         traps,
-        settings.held_out_groups,
     )
     return criticise(tested, np.random.default_rng(settings.seed))
 
@@ -173,42 +171,6 @@ def demonstrator_of(
     if draws is None:
         return fitted_policy(problem, fit)
     return posterior_policy(problem, draws)
-
-
-def _without_choice(settings: LearningSettings, prior_weight: float | None) -> LearningSettings:
-    """The settings with the weight that all drives chose."""
-    weights = settings.prior_weights if prior_weight is None else (prior_weight,)
-    return settings.model_copy(update={"prior_weights": weights})
-
-
-def held_out_likelihood(
-    problem: NavigationProblem,
-    settings: LearningSettings,
-    training: TimedDecisions,
-    moves: TimedDecisions,
-) -> FloatArray:
-    """(N,) log-likelihood of moves under the model that other decisions give, averaged over its
-    posterior where it has one. problem: that of the method."""
-    rng = np.random.default_rng(settings.seed)
-    fit = fit_by(settings.method, fit_data(problem, training, settings, rng)).fit
-    posterior = posterior_of(problem, training, fit)
-    by_decisions = problem
-    if isinstance(problem.mdp.transitions, SemiMarkovModels):
-        by_decisions = problem.by_decisions
-    if posterior is None:
-        policy = fitted_policy(problem, fit)
-        return move_log_likelihood(by_decisions, moves, policy, fit.outcome_probabilities)
-    draws = laplace_draws(posterior, rng, 2 * MOST_DRAWS)
-    scores = []
-    for weights, believed, truth in zip(
-        draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
-    ):
-        policy = soft_policy(problem, weights, believed).probabilities
-        table = problem.outcome_models.local_probabilities(
-            truth[: problem.outcome_models.n_energies]
-        )
-        scores.append(move_log_likelihood(by_decisions, moves, policy, table))
-    return np.asarray(logsumexp(scores, axis=0) - np.log(len(scores)))
 
 
 def _problem_of(
