@@ -14,7 +14,7 @@ import numpy as np
 from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.criticism import Criticised, criticise
-from serd_app.learning.knowledge import knowledge_of, posterior_of
+from serd_app.learning.knowledge import Knowledge, knowledge_of, posterior_of
 from serd_app.learning.methods import (
     MethodResult,
     ProgressCallback,
@@ -24,10 +24,11 @@ from serd_app.learning.methods import (
 )
 from serd_app.learning.outcome import FitOutcome, LearnedTraps, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
+from serd_app.learning.several_goals import GoalDrives, in_one_problem
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import PosteriorDraws, laplace_draws, posterior_policy
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, posterior_policy
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
@@ -51,6 +52,7 @@ class LearningTask:
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
     other_goals: how many decisions other goals would leave, and their places.
+    other_drives: to other goals, from which rewards and dynamics are learned as well.
     timeout_s: of the drives that are predicted. unused_features: why features take no part, by
     name; own_features: (S,) of each that the place does not have itself.
     """
@@ -61,6 +63,7 @@ class LearningTask:
     scenario_yaml: str = ""
     left_out: str = ""
     other_goals: tuple[tuple[int, tuple[float, float]], ...] = ()
+    other_drives: tuple[GoalDrives, ...] = ()
     timeout_s: float = 120.0
     unused_features: Mapping[str, str] = field(default_factory=dict)
     own_features: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -90,26 +93,30 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(decisions, settings, task)
+    goals = GoalDrives(task.problem, decisions), *task.other_drives
+    shared, every = in_one_problem(goals)
+    require_enough(every, settings, task)
     rng = np.random.default_rng(settings.seed)
-    problem = _problem_of(task.problem, settings.method, decisions)
-    data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
+    problem = _problem_of(shared, settings.method, every)
+    data = fit_data(problem, every, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
-    posterior = posterior_of(problem, decisions, found.fit)
+    posterior = posterior_of(problem, every, found.fit)
     draws = None if posterior is None else laplace_draws(posterior, rng)
-    fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
-    dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
+    fit = with_still_waits(found.fit) if every.hidden.any() else found.fit
+    dynamics, durations = dynamics_of(shared, every, fit, draws)
+    n_states = task.problem.mdp.n_states
+    dynamics = replace(dynamics, log_pace=dynamics.log_pace[:n_states])
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
     traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
     named = {"scenario": task.scenario, "method": settings.method, "prior": found.prior}
-    n_episodes = len(decisions.episodes)
+    n_episodes = len(every.episodes)
     model = model_of_fit(
         fit, task.problem, n_episodes=n_episodes, dynamics=dynamics, own_flow=task.own_flow, **named
     )
     plan = plan_of(paced, fit, driven, task.timeout_s)
     known = {
-        "checks": _checks(task, decisions, settings, (problem, found, draws), plan, traps),
+        "checks": _checks(task, decisions, settings, (found, draws), plan, traps),
         "features": features_of(task, found.fit.feature_names),
     }
     return FitOutcome(
@@ -117,25 +124,32 @@ def learn(
         model.model_copy(update=known),
         traps,
         problem,
-        decisions,
+        every,
         found.prior_weight,
         found.validation,
-        None if posterior is None else knowledge_of(problem, posterior),
+        None if posterior is None else _known(problem, posterior, n_states),
         task.scenario_yaml,
         durations=durations,
     )
+
+
+def _known(problem: NavigationProblem, posterior: Laplace, n_states: int) -> Knowledge | None:
+    """What the fit knows; the gains are those of demonstrations to the first goal."""
+    found = knowledge_of(problem, posterior)
+    return None if found is None else replace(found, gains=found.gains[:n_states])
 
 
 def _checks(
     task: LearningTask,
     decisions: TimedDecisions,
     settings: LearningSettings,
-    fitted: tuple[NavigationProblem, MethodResult, PosteriorDraws | None],
+    fitted: tuple[MethodResult, PosteriorDraws | None],
     plan: Plan,
     traps: LearnedTraps,
 ) -> tuple[Check, ...]:
-    """Whether the data support the plan; fitted: the problem of the method, and what it found."""
-    problem, found, draws = fitted
+    """Whether the data support the plan, by the drives to its goal; fitted: what was found."""
+    found, draws = fitted
+    problem = _problem_of(task.problem, settings.method, decisions)
     tested = Criticised(
         plan,
         decisions,
