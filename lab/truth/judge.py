@@ -75,7 +75,7 @@ def verdict_of(name: str, bag: Path, folder: Path, kind: Kind | None, seed: int 
         return Verdict(name, f"refused: {error}", claims=False)
     summary = summary_of(inputs)
     claims = not summary["no_prediction_because"]
-    decisions = learned.outcome.decisions
+    decisions = learned.files.decisions
     starts = decisions.state[np.unique(decisions.episode, return_index=True)[1]]
     times_s: FloatArray = np.zeros(0)
     if kind is not None:
