@@ -54,7 +54,7 @@ FEWEST_NATS = 3.0
 #: Pseudo-decisions of the frequencies of all moves in each counted model, and replicates.
 _WORTH, _REPLICATES = 2.0, 400
 _CHANCE = 0.01
-#: Factor by which half of the drives may arrive earlier or later than within the interval by counts.
+#: Factor by which half of the drives may arrive earlier or later than by counts.
 _MARGIN = 1.1
 #: Groups of drives that are left out, one after another.
 _GROUPS = 10
