@@ -126,7 +126,8 @@ def test_a_lawn_that_people_avoid_is_learned_and_driven_around(tmp_path, own_fil
     features = {each.name: each for each in learned.outcome.model.features}
     assert learned.outcome.fit.feature_names == ("goal", "lawn")
     assert learned.outcome.fit.reward_weights[1] < -1.0
-    assert features["lawn"].known_from == "data"
+    (lawn,) = (each for each in learned.outcome.knowledge.weights if each.feature == "lawn")
+    assert lawn.known_from == "choices"
     assert features["inverse_wall_distance"].left_out.startswith("no walls were seen")
     kept = load_scenario(str(tmp_path / "model.scenario.yaml"))
     strategy = load_strategy(str(learned.model), kept, "optimal")
