@@ -305,7 +305,7 @@ def _of_posterior(found: Criticised, draws: PosteriorDraws, group: IntArray) -> 
     if isinstance(fitted.mdp.transitions, SemiMarkovModels):
         by_decisions = fitted.by_decisions
     hidden = found.decisions.with_hidden_actions()
-    seen, moves = [], []
+    seen, moves = list[FloatArray](), list[FloatArray]()
     for weights, believed, truth in zip(
         draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
     ):
