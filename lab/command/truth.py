@@ -13,13 +13,14 @@ from lab.truth.worlds import FAMILIES, Claim, claim
 from serd_cli.output.terminal import console
 from serd_files.table import read_rows, write_rows
 
-_SHARED = Path("../shared/data/bags/test-bag")
-
 
 def truth(
     name: Annotated[
         list[str] | None, typer.Option(help=f"{', '.join(KINDS)}; default: all; repeat")
     ] = None,
+    recording: Annotated[
+        Path, typer.Option(help="a real bag besides, without rollouts", envvar="SERD_TRUTH_BAG")
+    ] = Path("../shared/data/bags/test-bag"),
     worlds: Annotated[
         int, typer.Option(min=0, help="simulated worlds, ten of which are a set")
     ] = 0,
@@ -47,8 +48,12 @@ def truth(
             for line in verdict.lines():
                 console.print(line, soft_wrap=True, markup=False)
             disagreeing += [each] * bool(verdict.disagrees)
-        if not name and _SHARED.exists():
-            for line in verdict_of("shared", _SHARED, Path(folder), None).lines():
+        if not name and not recording.exists():
+            console.print(
+                f"{recording} is not there, so no real recording is judged", soft_wrap=True
+            )
+        elif not name:
+            for line in verdict_of("recording", recording, Path(folder), None).lines():
                 console.print(line, soft_wrap=True, markup=False)
     if disagreeing:
         console.print(f"headline and rollouts disagree: {', '.join(disagreeing)}", style="red")

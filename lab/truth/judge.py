@@ -1,5 +1,6 @@
 """Headlines beside drives: what SERD claims of each recording, and what the stand-in then does."""
 
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +59,7 @@ class Verdict:
 def judge(name: str, folder: Path, seed: int = 0) -> Verdict:
     """Record a kind, learn from it as a stranger would, drive, and compare."""
     kind = KINDS[name]
-    bag = write_recording(kind, folder / name, seed)
+    bag = write_recording(kind, folder / name, zlib.crc32(name.encode()) + seed)
     return verdict_of(name, bag, folder, kind, seed)
 
 
@@ -74,7 +75,7 @@ def verdict_of(name: str, bag: Path, folder: Path, kind: Kind | None, seed: int 
         return Verdict(name, f"refused: {error}", claims=False)
     summary = summary_of(inputs)
     claims = not summary["no_prediction_because"]
-    decisions = learned.outcome.decisions
+    decisions = learned.files.decisions
     starts = decisions.state[np.unique(decisions.episode, return_index=True)[1]]
     times_s: FloatArray = np.zeros(0)
     if kind is not None:

@@ -66,19 +66,39 @@ def _blocked(rng: np.random.Generator) -> BoolArray:
     return free
 
 
+def _corner(rng: np.random.Generator) -> BoolArray:
+    free = _open(rng, 9, 9)
+    free[: free.shape[0] // 2, free.shape[1] // 2 :] = False
+    return free
+
+
+def _two_rooms(rng: np.random.Generator) -> BoolArray:
+    free = _open(rng, 9, 7)
+    free[free.shape[0] // 2] = False
+    door = int(rng.integers(free.shape[1] - 1))
+    free[free.shape[0] // 2, door : door + 2] = True
+    return free
+
+
+def _pillars(rng: np.random.Generator) -> BoolArray:
+    free = _open(rng, 11, 7)
+    free[2:-2:3, 1::3] = False
+    return free
+
+
 FAMILIES: dict[str, Callable[[np.random.Generator], World]] = {
-    "open room": lambda rng: World(_open(rng)),
-    "blocks": lambda rng: World(_blocked(rng)),
-    "corridor": lambda rng: World(_open(rng, 14, 2)),
-    "drift to the left": lambda rng: World(_open(rng), (0.02, 0.75, 0.0, 0.0, 0.23)),
-    "often blocked": lambda rng: World(_blocked(rng), (0.35, 0.6, 0.02, 0.01, 0.02)),
-    "belief without drift": lambda rng: World(
-        _open(rng), (0.02, 0.7, 0.0, 0.0, 0.28), believed=(0.02, 0.96, 0.01, 0.0, 0.01)
+    "round a corner": lambda rng: World(_corner(rng)),
+    "two rooms": lambda rng: World(_two_rooms(rng)),
+    "pillars": lambda rng: World(_pillars(rng), (0.1, 0.8, 0.05, 0.0, 0.05)),
+    "drift to the right": lambda rng: World(_open(rng), (0.02, 0.66, 0.3, 0.01, 0.01)),
+    "thrown back": lambda rng: World(_corner(rng), (0.1, 0.72, 0.04, 0.1, 0.04)),
+    "belief too timid": lambda rng: World(
+        _pillars(rng), (0.03, 0.93, 0.02, 0.0, 0.02), believed=(0.1, 0.6, 0.15, 0.0, 0.15)
     ),
-    "expert who waits": lambda rng: World(_open(rng), waits=0.25),
-    "expert at random": lambda rng: World(_blocked(rng), at_random=0.35),
-    "slow half": lambda rng: World(_open(rng), slow=4.0),
-    "three drives": lambda rng: World(_open(rng), n_drives=3),
+    "dawdles": lambda rng: World(_two_rooms(rng), waits=0.4),
+    "half at random": lambda rng: World(_open(rng), at_random=0.5),
+    "slower half": lambda rng: World(_pillars(rng), slow=2.0),
+    "five drives": lambda rng: World(_two_rooms(rng), n_drives=5),
 }
 
 

@@ -13,6 +13,7 @@ from serd_app.errors import AppError
 from serd_app.learning.features import read_own_features, with_chosen_features
 from serd_app.learning.recipe import LearningTask
 from serd_app.learning.settings import FlowSource
+from serd_app.learning.several_goals import ENOUGH, GoalDrives, goals_of_ends
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_app.places.map_scenario import FITTED, grid_scenario
 from serd_core.arrays import FloatArray, IntArray
@@ -35,7 +36,7 @@ _Table = TypeVar("_Table", bound=Decisions)
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_read: decisions of the table;
     n_after_goal: decisions left out; n_elsewhere: those of episodes that end in other places than
-    the goal, also left out; elsewhere_m: centres of these places.
+    the goals, also left out; elsewhere_m: centres of these places.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted.
     """
@@ -78,15 +79,23 @@ def read_learning_files(
     """
     all_decisions, place = load_learnable(table, scenario)
     grid, known = place.grid, place.scenario
-    goals, decisions = _goals(all_decisions, place, goals_m)
-    elsewhere = all_decisions.select(~np.isin(all_decisions.episode, decisions.episode))
-    others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
+    (goals, decisions), *further = _goals(all_decisions, place, goals_m)
     kept = until_goal(decisions, goals)
     chosen, source = _flow(files_beside(table)["flow"], place, flow)
     own = {} if features is None else read_own_features(features, grid, FEATURE_NAMES)
     problem, unused = _problem(place, chosen, goals, discount, own)
+    drives = []
+    for states, to_them in further:
+        other = _problem(place, chosen, states, discount, own)[0]
+        if other.feature_names == problem.feature_names:
+            drives.append(GoalDrives(other, until_goal(to_them, states)))
+    used = [decisions, *(each.decisions for each in drives)]
+    reached = np.concatenate([each.episode for each in used])
+    elsewhere = all_decisions.select(~np.isin(all_decisions.episode, reached))
+    others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
     made = _scenario_of(place, problem, kept)
-    n_after_goal = len(decisions) - len(kept)
+    n_used = len(kept) + sum(len(each.decisions) for each in drives)
+    n_after_goal = len(all_decisions) - len(elsewhere) - n_used
     return LearningFiles(
         task=LearningTask(
             problem,
@@ -97,6 +106,7 @@ def read_learning_files(
             own_features={n: each for n, each in own.items() if n in problem.feature_names},
             scenario_yaml=made[0],
             timeout_s=made[1],
+            other_drives=tuple(drives),
             left_out=_left_out(n_after_goal, len(elsewhere)),
         ),
         decisions=kept,
@@ -113,20 +123,29 @@ def read_learning_files(
 
 def _goals(
     decisions: TimedDecisions, place: Place, goals_m: tuple[tuple[float, float], ...]
-) -> tuple[IntArray, TimedDecisions]:
-    """(G,) states of given places, else of the scenario, else where most episodes end, and the
-    decisions of the episodes that end there."""
+) -> list[tuple[IntArray, TimedDecisions]]:
+    """(G,) states of given places, else of the scenario, and all decisions; without both the goals
+    in which drives end, with the decisions of those that end there."""
     grid = place.grid
     if goals_m:
         states = grid.states_at(np.array(goals_m))
         if (states < 0).any():
             x_m, y_m = goals_m[int(np.argmax(states < 0))]
             raise AppError(f"--goal must lie in a walkable cell of the grid, got {x_m:g},{y_m:g}")
-        return np.unique(states), decisions
+        return [(np.unique(states), decisions)]
     if place.scenario:
-        return goal_states_of(place.scenario, grid), decisions
-    goals = usual_goal_states(decisions, grid)
-    return goals, ending_in(decisions, goals)
+        return [(goal_states_of(place.scenario, grid), decisions)]
+    usual = usual_goal_states(decisions, grid)
+    found = ending_in(decisions, usual)
+    if len(until_goal(found, usual)) >= ENOUGH * len(decisions):
+        return [(usual, found)]
+    ends = np.unique(list(_ends(decisions).values()))
+
+    def left_by(goal: IntArray) -> int:
+        return len(until_goal(ending_in(decisions, goal), goal)) if len(goal) else len(decisions)
+
+    goals = goals_of_ends(ends, grid, _neighbouring(ends, grid), left_by)
+    return [(goal, ending_in(decisions, goal)) for goal in goals]
 
 
 def _left_out(n_after_goal: int, n_elsewhere: int) -> str:
@@ -237,12 +256,14 @@ def _neighbouring(states: IntArray, grid: Grid) -> list[IntArray]:
 
 def until_goal(decisions: _Table, goal_states: IntArray) -> _Table:
     """The decisions of every episode up to the first that leads into the goal."""
-    kept = np.ones(len(decisions), dtype=bool)
-    for episode in decisions.episodes:
-        rows = np.flatnonzero(decisions.episode == episode)
-        over = np.isin(decisions.state[rows], goal_states)
-        over[1:] |= np.isin(decisions.next_state[rows[:-1]], goal_states)
-        kept[rows] = ~np.maximum.accumulate(over)
+    order = np.argsort(decisions.episode, kind="stable")
+    episode = decisions.episode[order]
+    over = np.isin(decisions.state[order], goal_states)
+    arrives = np.isin(decisions.next_state[order], goal_states)
+    over[1:] |= arrives[:-1] & (episode[1:] == episode[:-1])
+    first, n_over = np.searchsorted(episode, episode), np.cumsum(over)
+    kept = np.empty(len(order), dtype=np.bool_)
+    kept[order] = n_over == (n_over - over)[first]
     return decisions.select(kept)
 
 

@@ -8,15 +8,13 @@ times also differ by place is decided by episodes that were left out.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
-from scipy.special import logsumexp
 
 from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.criticism import Criticised, criticise
-from serd_app.learning.knowledge import knowledge_of, posterior_of
+from serd_app.learning.knowledge import Knowledge, knowledge_of, posterior_of
 from serd_app.learning.methods import (
     MethodResult,
     ProgressCallback,
@@ -26,21 +24,22 @@ from serd_app.learning.methods import (
 )
 from serd_app.learning.outcome import FitOutcome, LearnedTraps, learned_traps
 from serd_app.learning.settings import LearningSettings, MethodName
+from serd_app.learning.several_goals import GoalDrives, in_one_problem
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import PosteriorDraws, laplace_draws, posterior_policy
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, posterior_policy
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
-from serd_core.policies.solved_policy import optimal_policy, soft_policy
-from serd_core.selection.evaluation import fitted_policy, move_log_likelihood
+from serd_core.policies.solved_policy import optimal_policy
+from serd_core.selection.evaluation import fitted_policy
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
-from serd_sim.drivers.strategy import MOST_DRAWS, Plan
+from serd_sim.drivers.strategy import Plan
 from serd_sim.scenario.grid import grid_of, navigation_problem_of
 from serd_sim.scenario.scenario import Scenario
 
@@ -53,6 +52,7 @@ class LearningTask:
     scenario's. scenario_yaml: the file that is kept beside the model, empty for none.
     left_out: how many recorded decisions are not given to the recipe, and why; empty for none.
     other_goals: how many decisions other goals would leave, and their places.
+    other_drives: to other goals, from which rewards and dynamics are learned as well.
     timeout_s: of the drives that are predicted. unused_features: why features take no part, by
     name; own_features: (S,) of each that the place does not have itself.
     """
@@ -63,6 +63,7 @@ class LearningTask:
     scenario_yaml: str = ""
     left_out: str = ""
     other_goals: tuple[tuple[int, tuple[float, float]], ...] = ()
+    other_drives: tuple[GoalDrives, ...] = ()
     timeout_s: float = 120.0
     unused_features: Mapping[str, str] = field(default_factory=dict)
     own_features: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -92,26 +93,30 @@ def learn(
 
     warm_weights: (F,) where SERD starts, in place of its start in two stages.
     """
-    require_enough(decisions, settings, task)
+    goals = GoalDrives(task.problem, decisions), *task.other_drives
+    shared, every = in_one_problem(goals)
+    require_enough(every, settings, task)
     rng = np.random.default_rng(settings.seed)
-    problem = _problem_of(task.problem, settings.method, decisions)
-    data = fit_data(problem, decisions, settings, rng, warm_weights, on_progress)
+    problem = _problem_of(shared, settings.method, every)
+    data = fit_data(problem, every, settings, rng, warm_weights, on_progress)
     found = fit_by(settings.method, data)
-    posterior = posterior_of(problem, decisions, found.fit)
+    posterior = posterior_of(problem, every, found.fit)
     draws = None if posterior is None else laplace_draws(posterior, rng)
-    fit = with_still_waits(found.fit) if decisions.hidden.any() else found.fit
-    dynamics, durations = dynamics_of(task.problem, decisions, fit, draws)
+    fit = with_still_waits(found.fit) if every.hidden.any() else found.fit
+    dynamics, durations = dynamics_of(shared, every, fit, draws)
+    n_states = task.problem.mdp.n_states
+    dynamics = replace(dynamics, log_pace=dynamics.log_pace[:n_states])
     paced = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
     driven = dynamics.truth[None, :] if dynamics.draws is None else dynamics.draws
     traps = learned_traps(paced, decisions, found.fit.reward_weights, driven)
     named = {"scenario": task.scenario, "method": settings.method, "prior": found.prior}
-    n_episodes = len(decisions.episodes)
+    n_episodes = len(every.episodes)
     model = model_of_fit(
         fit, task.problem, n_episodes=n_episodes, dynamics=dynamics, own_flow=task.own_flow, **named
     )
     plan = plan_of(paced, fit, driven, task.timeout_s)
     known = {
-        "checks": _checks(task, decisions, settings, (problem, found, draws), plan, traps),
+        "checks": _checks(task, decisions, settings, (found, draws), plan, traps),
         "features": features_of(task, found.fit.feature_names),
     }
     return FitOutcome(
@@ -119,33 +124,40 @@ def learn(
         model.model_copy(update=known),
         traps,
         problem,
-        decisions,
+        every,
         found.prior_weight,
         found.validation,
-        None if posterior is None else knowledge_of(problem, posterior),
+        None if posterior is None else _known(problem, posterior, n_states),
         task.scenario_yaml,
         durations=durations,
     )
+
+
+def _known(problem: NavigationProblem, posterior: Laplace, n_states: int) -> Knowledge | None:
+    """What the fit knows; the gains are those of demonstrations to the first goal."""
+    found = knowledge_of(problem, posterior)
+    return None if found is None else replace(found, gains=found.gains[:n_states])
 
 
 def _checks(
     task: LearningTask,
     decisions: TimedDecisions,
     settings: LearningSettings,
-    fitted: tuple[NavigationProblem, MethodResult, PosteriorDraws | None],
+    fitted: tuple[MethodResult, PosteriorDraws | None],
     plan: Plan,
     traps: LearnedTraps,
 ) -> tuple[Check, ...]:
-    """Whether the data support the plan; fitted: the problem of the method, and what it found."""
-    problem, found, draws = fitted
+    """Whether the data support the plan, by the drives to its goal; fitted: what was found."""
+    found, draws = fitted
+    problem = _problem_of(task.problem, settings.method, decisions)
     tested = Criticised(
         plan,
         decisions,
         with_moves_as_actions(task.problem.grid, decisions),
-        partial(held_out_likelihood, problem, _without_choice(settings, found.prior_weight)),
+        problem,
+        draws,
         demonstrator_of(problem, found.fit, draws),
         traps,
-        settings.held_out_groups,
     )
     return criticise(tested, np.random.default_rng(settings.seed))
 
@@ -173,42 +185,6 @@ def demonstrator_of(
     if draws is None:
         return fitted_policy(problem, fit)
     return posterior_policy(problem, draws)
-
-
-def _without_choice(settings: LearningSettings, prior_weight: float | None) -> LearningSettings:
-    """The settings with the weight that all drives chose."""
-    weights = settings.prior_weights if prior_weight is None else (prior_weight,)
-    return settings.model_copy(update={"prior_weights": weights})
-
-
-def held_out_likelihood(
-    problem: NavigationProblem,
-    settings: LearningSettings,
-    training: TimedDecisions,
-    moves: TimedDecisions,
-) -> FloatArray:
-    """(N,) log-likelihood of moves under the model that other decisions give, averaged over its
-    posterior where it has one. problem: that of the method."""
-    rng = np.random.default_rng(settings.seed)
-    fit = fit_by(settings.method, fit_data(problem, training, settings, rng)).fit
-    posterior = posterior_of(problem, training, fit)
-    by_decisions = problem
-    if isinstance(problem.mdp.transitions, SemiMarkovModels):
-        by_decisions = problem.by_decisions
-    if posterior is None:
-        policy = fitted_policy(problem, fit)
-        return move_log_likelihood(by_decisions, moves, policy, fit.outcome_probabilities)
-    draws = laplace_draws(posterior, rng, 2 * MOST_DRAWS)
-    scores = []
-    for weights, believed, truth in zip(
-        draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
-    ):
-        policy = soft_policy(problem, weights, believed).probabilities
-        table = problem.outcome_models.local_probabilities(
-            truth[: problem.outcome_models.n_energies]
-        )
-        scores.append(move_log_likelihood(by_decisions, moves, policy, table))
-    return np.asarray(logsumexp(scores, axis=0) - np.log(len(scores)))
 
 
 def _problem_of(

@@ -65,9 +65,4 @@ class LearningSettings(RecipeSettings):
     method: MethodName = setting("mdce_serd_evidence", "learning method")
     minimum_decisions: int = setting(20, "refuse to learn from fewer decisions", live="any", ge=1)
     seed: int = setting(0, "seed of the choice of validation episodes and of samples", ge=0)
-    held_out_groups: int = setting(
-        0,
-        "groups of drives that are left out one after another to test the model; 0: no test",
-        ge=0,
-    )
     discount: float = setting(0.99, "discount of the reward", ge=0, lt=1)

@@ -4,13 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import beta, binom
 
-from serd_app.learning.criticism import Criticised, counted_dynamics, criticise, interval_text
+from serd_app.learning.criticism import (
+    Criticised,
+    _of_posterior,
+    counted_dynamics,
+    criticise,
+    interval_text,
+)
 from serd_app.learning.outcome import learned_traps
 from serd_app.learning.recipe import learn, plan_of
 from serd_app.learning.settings import LearningSettings
+from serd_core.bayes.laplace import laplace, laplace_draws
+from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
+from serd_core.selection.evaluation import move_log_likelihood
 from serd_core.semi_markov.models import require_timed
 from serd_sim.drivers.strategy import Plan
 from tests.serd_app.learning.test_durations import (
@@ -27,16 +37,14 @@ KEYS = {"rollouts", "ways", "arrival_times", "outcomes", "held_out_moves"}
 DRIVES = demonstrations(12)
 
 
-def criticised(draws, decisions=DRIVES, weights=WEIGHTS, **changes):
+def criticised(truth, decisions=DRIVES, weights=WEIGHTS, **changes):
     """A plan under (n, N) draws of the dynamics, tested on drives of the true ones."""
-    tables = require_timed(PROBLEM.mdp.transitions).local_probabilities(draws)
+    tables = require_timed(PROBLEM.mdp.transitions).local_probabilities(truth)
     learned = optimal_policy(PROBLEM, weights, tables.mean(axis=0))
-    plan = Plan(problem=PROBLEM, learned=learned, draws=draws, timeout_s=120.0)
+    plan = Plan(problem=PROBLEM, learned=learned, draws=truth, timeout_s=120.0)
     expert = soft_policy(PROBLEM, weights, tables.mean(axis=0)).probabilities
-    traps = learned_traps(PROBLEM, decisions, weights, draws)
-    found = Criticised(
-        plan, decisions, decisions, lambda *_: np.zeros(0), expert, traps, n_groups=0
-    )
+    traps = learned_traps(PROBLEM, decisions, weights, truth)
+    found = Criticised(plan, decisions, decisions, PROBLEM, None, expert, traps)
     return replace(found, **changes)
 
 
@@ -111,11 +119,53 @@ def test_a_policy_that_shuns_the_goal_has_no_way_and_its_forecast_no_recorded_ti
     assert found["arrival_times"] == "fails"
 
 
-def test_moves_that_a_model_makes_unlikely_fail_against_chance():
-    def rare(_, moves):
-        return np.full(len(moves), -9.0)
+@pytest.fixture(scope="module")
+def fitted():
+    """A fit to all drives, and draws of its posterior."""
+    fit = fit_mdce_serd(PROBLEM, DRIVES)
+    return fit, laplace_draws(laplace(PROBLEM, DRIVES, fit), np.random.default_rng(1), 64)
 
-    assert marks(criticised(TRUTH[None], likelihood=rare, n_groups=4))["held_out_moves"] == "fails"
+
+def left_out(found):
+    (check,) = (
+        each for each in criticise(found, np.random.default_rng(3)) if each.key == "held_out_moves"
+    )
+    return check
+
+
+def test_moves_are_predicted_as_by_fits_without_their_drives(fitted):
+    scores = np.zeros(len(DRIVES))
+    for number in range(6):
+        out = DRIVES.episode % 6 == number
+        fit = fit_mdce_serd(PROBLEM, DRIVES.select(~out))
+        found = laplace(PROBLEM, DRIVES.select(~out), fit)
+        draws = laplace_draws(found, np.random.default_rng(2), 64)
+        moves = DRIVES.select(out).with_hidden_actions()
+        each = [
+            move_log_likelihood(
+                PROBLEM.by_decisions,
+                moves,
+                soft_policy(PROBLEM, weights, believed).probabilities,
+                MODEL.outcomes.local_probabilities(truth[: MODEL.means.start]),
+            )
+            for weights, believed, truth in zip(
+                draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
+            )
+        ]
+        scores[out] = logsumexp(each, axis=0) - np.log(len(each))
+    found = criticised(TRUTH[None], draws=fitted[1])
+    again = _of_posterior(found, fitted[1], DRIVES.episode % 6)
+    assert again.sum() == pytest.approx(scores.sum(), rel=0.04)
+    by_group = [np.bincount(DRIVES.episode % 6, weights=each) for each in (again, scores)]
+    np.testing.assert_allclose(*by_group, rtol=0.15)
+
+
+def test_moves_that_a_model_makes_unlikely_fail_against_chance(fitted):
+    draws = fitted[1]
+    assert left_out(criticised(TRUTH[None], draws=draws)).mark == "holds"
+    shuns = replace(draws, reward=np.tile([-6.0, 0.0, 0.0], (len(draws), 1)))
+    assert left_out(criticised(TRUTH[None], draws=shuns)).mark == "fails"
+    assert left_out(criticised(TRUTH[None])).mark == "unknown"
 
 
 def test_counted_dynamics_are_the_frequencies_of_many_moves():
@@ -126,7 +176,7 @@ def test_counted_dynamics_are_the_frequencies_of_many_moves():
     assert (
         plan_of(
             PROBLEM,
-            learn(TASK, DRIVES, LearningSettings(discount=0.97, held_out_groups=0)).fit,
+            learn(TASK, DRIVES, LearningSettings(discount=0.97)).fit,
             drawn,
             60.0,
         ).timeout_s

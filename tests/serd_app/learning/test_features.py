@@ -121,12 +121,13 @@ def test_a_lawn_that_people_avoid_is_learned_and_driven_around(tmp_path, own_fil
     table, file = tmp_path / "decisions.csv", tmp_path / "lawn.yaml"
     save_learnable(table, Place(GRID, 4.0, 1.0), replace(decisions, source="room"))
     file.write_text("\n".join(FILE.splitlines()[:2]))
-    settings = LearningSettings(discount=0.97, held_out_groups=0)
+    settings = LearningSettings(discount=0.97)
     learned = learn_from_table(table, tmp_path / "model.yaml", settings, features=file)
     features = {each.name: each for each in learned.outcome.model.features}
     assert learned.outcome.fit.feature_names == ("goal", "lawn")
     assert learned.outcome.fit.reward_weights[1] < -1.0
-    assert features["lawn"].known_from == "data"
+    (lawn,) = (each for each in learned.outcome.knowledge.weights if each.feature == "lawn")
+    assert lawn.known_from == "choices"
     assert features["inverse_wall_distance"].left_out.startswith("no walls were seen")
     kept = load_scenario(str(tmp_path / "model.scenario.yaml"))
     strategy = load_strategy(str(learned.model), kept, "optimal")
