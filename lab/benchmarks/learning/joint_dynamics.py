@@ -79,7 +79,5 @@ def measure(family: str, demonstrations: int, expert: str, world: int) -> dict[s
         "chosen": found.chosen,
         "point": found.point,
         "lead": found.lead_nats,
-        "held_out": found.held_out_nats,
-        "z": found.z_value,
-        "p": float(found.p_values.min()),
+        "cost": found.cost_nats,
     }

@@ -5,7 +5,8 @@ import pytest
 import scipy.special
 
 import serd_core as sc
-from serd_core.selection.joint_dynamics import judge_joint_dynamics, predictive_p_values
+from lab.posterior.calibration import demonstrated, drawn_truth
+from lab.posterior.families import FAMILIES
 from support.small_problems import apart, sampled
 
 RNG = np.random.default_rng
@@ -30,20 +31,31 @@ def judged(believed, n_episodes=80, seed=0):
     policy = sc.soft_policy(problem, np.array([3.0]), believed).probabilities
     decisions = sampled(problem, policy, TRUTH, n_episodes, 8, seed)
     fit = sc.fit_mdce_serd(problem, decisions)
-    return judge_joint_dynamics(problem, decisions, fit, RNG(seed))
+    return sc.judge_joint_dynamics(problem, decisions, fit, RNG(seed))
 
 
 def test_experts_who_believe_the_truth_raise_no_alarm_and_wrong_ones_do():
     right = judged(TRUTH)
     assert right.chosen == "joint"
-    assert "agree with the moves" in right.sentence()
+    assert right.sentence.startswith("rewards and dynamics are learned together (joint)")
     wrong = judged(np.array([[0.05, 0.9, 0.05], [0.9, 0.05, 0.05]]))
     assert wrong.lead_nats > 1.0  # evidence does not show it
-    assert wrong.contradicts_moves
+    assert wrong.chosen != "joint"
     assert wrong.point == "counted"
-    assert "contradict the moves" in wrong.sentence()
+    assert "choices contradict" in wrong.sentence
     # Whatever the joint fit claims, the moves of the counted fit are those that were seen.
     np.testing.assert_allclose(wrong.counted.outcome_probabilities, TRUTH, atol=0.15)
+
+
+def test_choices_of_experts_who_believe_the_truth_cost_nothing_on_average():
+    """The law that makes cost a statistic, with the prior that the worlds are drawn from."""
+    given, family, costs = sc.PriorByEvidence(2.0, 1.0), FAMILIES["random MDP"](), []
+    for seed in range(40):
+        rng = RNG([5, seed])
+        decisions = demonstrated(family, *drawn_truth(family.problem, given, rng), rng)
+        fit = sc.fit_mdce_serd(family.problem, decisions, prior=given)
+        costs.append(sc.judge_joint_dynamics(family.problem, decisions, fit, rng).cost_nats)
+    assert abs(np.mean(costs)) < 3.0 * np.std(costs) / np.sqrt(len(costs))
 
 
 def test_without_choices_the_evidence_of_both_is_that_of_the_counts():
@@ -55,25 +67,14 @@ def test_without_choices_the_evidence_of_both_is_that_of_the_counts():
     decisions = apart(0, 0, np.repeat([0, 1], [9, 3]))
     given = sc.PriorByEvidence(pseudo_count=1.5)
     fit = sc.fit_mdce_serd(problem, decisions, prior=given)
-    found = judge_joint_dynamics(problem, decisions, fit, RNG(0))
+    found = sc.judge_joint_dynamics(problem, decisions, fit, RNG(0))
     assert found.lead_nats == pytest.approx(0.0, abs=0.01)
-    assert found.action_nats == found.uniform_nats == 0.0
+    assert found.cost_nats == pytest.approx(0.0, abs=0.5)
+    assert found.action_nats == pytest.approx(found.uniform_nats, abs=1e-6)
     assert found.chosen == "joint"
     evidence = sc.laplace(problem, decisions, fit).log_evidence
     exact = scipy.special.betaln(10.5, 4.5) - scipy.special.betaln(1.5, 1.5)
     assert evidence == pytest.approx(exact, abs=0.01)
-
-
-def test_predictive_p_values_are_small_for_moves_that_no_draw_makes_likely():
-    problem = ring()
-    decisions = sampled(problem, np.full((8, 2), 0.5), TRUTH, 30, 8)
-    fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(pseudo_count=1.0))
-    draws = sc.laplace_draws(sc.laplace(problem, decisions, fit), RNG(0), 64)
-    assert predictive_p_values(problem, decisions, draws, RNG(0)).min() > 0.05
-    other = sampled(problem, np.full((8, 2), 0.5), TRUTH[::-1], 30, 8)
-    assert predictive_p_values(problem, other, draws, RNG(0)).max() < 0.01
-    one_way = decisions.select(decisions.action == 0)
-    assert predictive_p_values(problem, one_way, draws, RNG(0))[1] == 1.0
 
 
 def test_beliefs_apart_and_hidden_actions_are_exempt():
@@ -83,4 +84,4 @@ def test_beliefs_apart_and_hidden_actions_are_exempt():
         problem, decisions, dynamics=TRUTH, prior=sc.PriorByEvidence()
     )
     with pytest.raises(sc.SerdError, match=r"must have a TiedBelief .* got FixedBelief and 0 hidd"):
-        judge_joint_dynamics(problem, decisions, fit, RNG(0))
+        sc.judge_joint_dynamics(problem, decisions, fit, RNG(0))
