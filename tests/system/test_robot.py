@@ -4,6 +4,7 @@ SERD_ROBOT_GOALS sets the number of goals of each drive, 20 for the long form.
 """
 
 import importlib.util
+import itertools
 import json
 import os
 import time
@@ -85,9 +86,14 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
     nodes, probe, start_robot, save_model_of
 ):
     guard, speeds = {}, []
+    goals_m, sent = itertools.cycle(((3.5, 12.5), (3.5, 2.5))), []
     start_robot()
     nodes.start_stack("robot", model=str(save_model_of()))
-    wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
+
+    def keep_driving():
+        if nodes.log_of("strategy").count("waiting for a goal") > len(sent):
+            sent.append(next(goals_m))
+            probe.send_goal(*sent[-1])
 
     def take(message):
         guard.update(values_of(message, "guard") or {})
@@ -98,11 +104,10 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
 
     def until(condition, text):
         probe.spin_until(
-            lambda: disturb.publish(String(data=text)) or condition(),
+            lambda: keep_driving() or disturb.publish(String(data=text)) or condition(),
             seen=lambda: f"{guard} {speeds[-5:]} {nodes.log_of('strategy')}",
         )
 
-    probe.send_goal(3.5, 12.5)
     until(lambda: speeds and speeds[-1] > 0.3, "")
     until(lambda: speeds[-1] == 0.0 and "robot_pose: jump" in guard["reasons"], "pose_jumps")
     until(lambda: speeds[-1] > 0.1 and not guard["reasons"], "pose_jumps")

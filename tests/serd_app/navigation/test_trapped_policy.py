@@ -33,8 +33,8 @@ def test_waits_before_each_lap_do_not_keep_the_robot_where_no_people_walk(save_m
         navigator = navigator_of(save_model_of(reward_weights=WAITS, flow=flow), QUIET)
         assert not len(navigator.strategy.driven.learned_traps.states)
         assert plan_remarks(navigator.strategy) == [
-            "the model's weight of social_norm is not used, as no flow of people is known here, or"
-            " was where it was learned"
+            "the model's weight of social_norm is not used, as what it weighs is not known here, or"
+            " was not where it was learned"
         ]
     with HallwayWorld(QUIET, seed=3) as world:
         record = run_episode(world, make_planner(QUIET), navigator, episode=0)

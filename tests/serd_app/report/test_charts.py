@@ -64,7 +64,9 @@ def test_bars_have_the_lengths_of_the_probabilities():
 def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
     table = np.full((4, 5), 0.2)
     rows = tuple(
-        OutcomeRow(model, outcome, 3.0, 0.1, 0.15 + 0.01 * m, 0.6, known, 1.0, 0.5, 0.2, "goal")
+        OutcomeRow(
+            model, outcome, 3.0, 0.1, 0.15 + 0.01 * m, 0.6, known, known, 1.0, 0.5, 0.2, "goal"
+        )
         for m, (model, known) in enumerate(
             zip(MODEL_NAMES, ("counts", PRIOR_ONLY, "choices", "counts and choices"), strict=True)
         )
