@@ -373,7 +373,7 @@ def _goals(count: int, seed: int) -> list[tuple[tuple[float, float], float]]:
 
 
 def _append(table: RowTable, key: tuple[str, str, str], columns: Mapping[str, Any]) -> None:
-    none = dict.fromkeys(("zero_s", "stood_s", "stood_m"), math.nan)
+    none: dict[str, Any] = dict.fromkeys(("zero_s", "stood_s", "stood_m"), math.nan)
     none |= {"false_stops": 0, "late_stops": 0, "reasons": ""}
     table.append({**dict(zip(_KEYS, key, strict=True)), **none, **columns})
 
