@@ -12,11 +12,17 @@ import typer
 from lab.experiments.running.tables import print_results
 from lab.faults.campaign import COLUMNS, TASK_COLUMNS, WATCHED_S, run_fault, tasks_of
 from lab.faults.faults import FAULTS, fault_named
-from lab.faults.field import FIELD_FAULTS, STACKS, field_rows, run_field, run_guard
+from lab.faults.field import (
+    FIELD_FAULTS,
+    STACKS,
+    field_summary,
+    field_table,
+    run_field,
+    run_guard,
+)
 from lab.faults.figure import FaultWays, draw_fault_ways
 from lab.faults.robots import ROBOTS, robot_named
 from serd_app.report.style import save_figure
-from serd_bag.files import atomic_write_text
 from serd_cli.commands.batch import MOST_SEEDS
 from serd_cli.errors import UsageError
 from serd_cli.options import EXECUTION, AsJson, Jobs
@@ -69,7 +75,7 @@ def faults(
 
     Writes a row per episode, with what the robot touched, and a picture beside the table. Rerun an
     interrupted command to resume it. With --robot stand-ins for robots of other makers drive live
-    on the stacks of a robot, or before your guard (read docs/safety.md): a row per fault.
+    on the stacks of a robot, or before your guard (read docs/safety.md): a row per goal and fault.
     """
     if robot:
         field(output, robot, stack or STACKS, fault or FIELD_FAULTS, goals, guard, as_json=as_json)
@@ -136,34 +142,24 @@ def field(
         raise UsageError(f"--stack must be one of {', '.join(STACKS)}, got {', '.join(unknown)}")
     if guard and (guard.count(":") != 1 or not all(guard.split(":"))):
         raise UsageError(f"--guard must be written RAW:OUT, two topics in full, got {guard!r}")
-    folder = output.with_suffix("")
-    outcomes = []
+    folder, table = output.with_suffix(""), field_table(output)
     for name in names:
         if guard:
             raw, out = guard.split(":")
-            made = run_guard(name, (raw, out), folder / name, ros_environment(os.environ), faults)
-            outcomes.append(made)
+            environment = ros_environment(os.environ)
+            run_guard(name, (raw, out), folder / name, environment, table, faults)
             continue
         for stack in stacks:
             logs = folder / name / stack
             with stack_environment(logs) as environment:
-                outcomes.append(
-                    run_field(name, stack, logs, environment, n_goals=n_goals, faults=faults)
-                )
-    rows = [field_rows(each) for each in outcomes]
-    keys = ("robot", "stack")
-    table = [
-        {**{key: getattr(each, key) for key in keys}, **row}
-        for each in outcomes
-        for row in each.faults
-    ]
-    atomic_write_text(output, pd.DataFrame(table).to_csv(index=False))
+                run_field(name, stack, logs, environment, table, n_goals=n_goals, faults=faults)
+    summary = field_summary(table.rows.values())
     if as_json:
-        print_json({"robots": [finite_values(row) for row in rows], "table": str(output.resolve())})
+        rows = [finite_values(row) for row in summary.to_dict("records")]
+        print_json({"robots": rows, "table": str(output.resolve())})
         return
-    print_results(pd.DataFrame(rows), "Nav2 is a stand-in with Nav2's tolerances")
-    print_results(pd.DataFrame(table), "Faults at full speed; None where it did not stand in 9 s")
-    console.print(f"faults: {output.resolve()}; logs: {folder.resolve()}", soft_wrap=True)
+    print_results(summary, "Nav2 is a stand-in with Nav2's tolerances")
+    console.print(f"goals and faults: {output.resolve()}; logs: {folder.resolve()}", soft_wrap=True)
 
 
 def _known_robot(name: str) -> str:

@@ -11,14 +11,14 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, Twist
 from rclpy.context import Context
@@ -29,6 +29,7 @@ from std_msgs.msg import String
 from lab.faults.robots import robot_named
 from serd_app.drives.drive import END
 from serd_cli.processes.workspace import stack_processes
+from serd_files.table import OptionalFloat, Row, RowTable, columns_of
 from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.motion import to_pose_stamped, to_twist
 from serd_ros.endpoints import qos
@@ -49,31 +50,47 @@ MODEL = Path(__file__).resolve().parents[2] / "docs/pictures/demo_model.yaml"
 #: A goal, a fault and what follows it may last so long (s).
 _GOAL_S, WATCHED_S, _READY_S = 120.0, 9.0, 90.0
 #: Places of goals in the hallway (m).
-_EAST_M, _NORTH_M = (1.5, 2.5, 3.5, 4.5), (1.5, 2.5, 3.5, 4.5)
+_EAST_M, _NORTH_M = (1.5, 2.5, 3.5, 4.5), (2.5, 3.5, 4.5, 5.5)
 _FAST, _COMMAND_S = 0.85, 0.05
 
 
-@dataclass
-class FieldOutcome:
-    """What a robot did on a stack.
+#: The driver was late where it published nothing for the first time (s) within the second (s).
+_LATE_S, _AROUND_S = 0.15, 1.5
 
-    Contacts of the outline by the truth. n_false_stops: stops of the guard for an input while no
-    fault was made, in `hours` of driving to goals. faults: a row for each, times (s) and way (m)
-    from its beginning, None where the robot did not stand within 9 s.
+
+@dataclass(frozen=True)
+class FieldRow:
+    """A goal or a fault of a robot on a stack.
+
+    ending: of the drive to a goal, else `stood`, `drove on` or `not begun`. zero_s, stood_s and
+    stood_m: from the beginning of a fault, NaN where the robot did not stand within 9 s.
+    Contacts are those of the outline by the truth. false_stops: stops of the guard for an input
+    although the driver published in time; late_stops: those while it did not. reasons: of both.
     """
 
     robot: str
     stack: str
-    n_goals: int = 0
-    n_arrived: int = 0
-    wall: int = 0
-    robot_on_person: int = 0
-    person_on_robot: int = 0
-    n_false_stops: int = 0
-    hours: float = 0.0
-    false_stops: list[str] = field(default_factory=list)
-    endings: list[str] = field(default_factory=list)
-    faults: list[dict[str, Any]] = field(default_factory=list)
+    task: str
+    ending: str
+    duration_s: float
+    zero_s: OptionalFloat
+    stood_s: OptionalFloat
+    stood_m: OptionalFloat
+    wall: int
+    robot_on_person: int
+    person_on_robot: int
+    false_stops: int
+    late_stops: int
+    reasons: str
+
+
+_KEYS = ("robot", "stack", "task")
+_CONTACTS = ("wall", "robot_on_person", "person_on_robot")
+
+
+def field_table(path: Path) -> RowTable:
+    """The table of rows, which goes on where there is one."""
+    return RowTable(path, columns_of(FieldRow), _KEYS)
 
 
 class Field:
@@ -85,7 +102,9 @@ class Field:
         self.guard: dict[str, str] = {}
         self.endings: list[str] = []
         self.n_begun = 0
-        self.stops: list[str] = []
+        #: Stops for an input: when, and why; when the driver was late.
+        self._stops: list[tuple[float, str]] = []
+        self._late_s: list[float] = []
         self._was_stopped = False
         self._goals = node.create_publisher(PoseStamped, self._name("goal_pose"), qos.COMMAND)
         self._disturb = node.create_publisher(String, self._name("disturb"), 10)
@@ -101,6 +120,8 @@ class Field:
 
     def _on_measured(self, message: String) -> None:
         self.measured = json.loads(message.data)
+        if self.measured["gap_s"] > _LATE_S:
+            self._late_s.append(time.monotonic())
 
     def _on_mark(self, message: DiagnosticArray) -> None:
         mark = from_episode_message(message)
@@ -121,7 +142,7 @@ class Field:
         ]
         stopped = values["action"] == "STOP" and bool(wrong)
         if stopped and not self._was_stopped:
-            self.stops += wrong
+            self._stops.append((time.monotonic(), ", ".join(wrong)))
         self._was_stopped = stopped
 
     def until(self, condition: Callable[[], object], longest_s: float) -> bool:
@@ -142,27 +163,25 @@ class Field:
                 return True
         return False
 
-    def drive_goals(self, count: int, rng: np.random.Generator, outcome: FieldOutcome) -> None:
-        """Drive to goals one after the other, each sent at a random phase of the control loop."""
-        began_s, n_stops = time.monotonic(), len(self.stops)
-        here = (3.5, 1.5)
-        for _ in range(count):
-            place = here
-            while place == here:
-                place = float(rng.choice(_EAST_M)), float(rng.choice(_NORTH_M))
-            here, n_ended = place, len(self.endings)
-            self.until(lambda: False, float(rng.uniform(0.0, 0.3)))
-            began = self.send_goal(*place)
-            arrived = began and self.until(partial(self._has_ended, n_ended), _GOAL_S)
-            outcome.endings.append(self.endings[-1] if arrived else "late")
-            outcome.n_arrived += outcome.endings[-1] == "arrived"
-        outcome.n_goals += count
-        outcome.hours += (time.monotonic() - began_s) / 3600.0
-        outcome.false_stops += self.stops[n_stops:]
-        outcome.n_false_stops = len(outcome.false_stops)
+    def drive_goal(self, place_m: tuple[float, float], wait_s: float) -> dict[str, Any]:
+        """Drive to a goal, which is sent after a while; its columns."""
+        self.until(lambda: False, wait_s)
+        began_s, n_ended, before = time.monotonic(), len(self.endings), self._contacts()
+        self._stops, self._late_s = [], self._late_s[-1:]
+        began = self.send_goal(*place_m)
+        ended = began and self.until(lambda: len(self.endings) > n_ended, _GOAL_S)
+        row = {"ending": self.endings[-1] if ended else "late", **self._since(began_s, before)}
+        late = sum(
+            any(abs(stop_s - late_s) < _AROUND_S for late_s in self._late_s)
+            for stop_s, _ in self._stops
+        )
+        stops = {"false_stops": len(self._stops) - late, "late_stops": late}
+        return row | stops | {"reasons": "; ".join(reasons for _, reasons in self._stops)}
 
-    def _has_ended(self, n_before: int) -> bool:
-        return len(self.endings) > n_before
+    def _since(self, began_s: float, before: dict[str, int]) -> dict[str, Any]:
+        """Duration and contacts since a time."""
+        now = {name: count - before[name] for name, count in self._contacts().items()}
+        return {"duration_s": time.monotonic() - began_s, **now}
 
     def disturb(self, name: str) -> None:
         """Make a fault, until an empty name ends it."""
@@ -174,34 +193,31 @@ class Field:
         raise SimError(f"the robot does not take the fault {name!r}; look at what runs it")
 
     def run_fault(self, name: str, fast_mps: float, drive: Callable[[], object]) -> dict[str, Any]:
-        """Make a fault at full speed, and measure. drive: keeps the robot driving."""
-        row: dict[str, Any] = {"fault": name, "began": 0}
+        """Make a fault at full speed; its columns. drive: keeps the robot driving."""
+        began_s, before = time.monotonic(), self._contacts()
 
         def is_fast() -> bool:
             drive()
             return abs(float(self.measured.get("speed_mps", 0.0))) >= _FAST * fast_mps
 
-        if not self.until(is_fast, _GOAL_S):
-            return row
-        before = self._contacts()
-        self.disturb(name)
-
         def stood() -> bool:
             drive()
             return self.measured.get("stood_s") is not None
 
-        self.until(stood, WATCHED_S)
-        row |= {key: self.measured.get(key) for key in ("zero_s", "stood_s", "stood_m")}
-        after = self._contacts()
-        row |= {"began": 1, **{each: after[each] - before[each] for each in after}}
-        self.disturb("")
+        ending = "not begun"
+        if self.until(is_fast, _GOAL_S):
+            before = self._contacts()
+            self.disturb(name)
+            ending = "stood" if self.until(stood, WATCHED_S) else "drove on"
+        times = {key: self.measured.get(key) for key in ("zero_s", "stood_s", "stood_m")}
+        row = {key: math.nan if each is None else each for key, each in times.items()}
+        row |= {"ending": ending, **self._since(began_s, before)}
+        if ending != "not begun":
+            self.disturb("")
         return row
 
     def _contacts(self) -> dict[str, int]:
-        return {
-            each: int(self.measured[each])
-            for each in ("wall", "robot_on_person", "person_on_robot")
-        }
+        return {each: int(self.measured.get(each, 0)) for each in _CONTACTS}
 
     def goals_to_and_fro(self) -> Callable[[], None]:
         """What sends the farther end of the hallway as goal when a drive has ended."""
@@ -230,11 +246,6 @@ class Field:
             publisher.publish(to_twist(Command(speed_mps, 0.0)))
 
         return drive
-
-    def finish(self, outcome: FieldOutcome) -> None:
-        """Take the contacts of all."""
-        for name, count in self._contacts().items():
-            setattr(outcome, name, count)
 
 
 def standin_options(robot: str, stack: str, seed: int = 0) -> list[str]:
@@ -321,14 +332,18 @@ def run_field(
     stack: str,
     folder: Path,
     environment: Mapping[str, str],
+    table: RowTable,
     *,
     n_goals: int,
     faults: Sequence[str],
     model: Path = MODEL,
     seed: int = 0,
-) -> FieldOutcome:
-    """Goals and faults of a robot on a stack. environment: with ROS_DOMAIN_ID."""
-    outcome, kind = FieldOutcome(robot, stack), robot_named(robot)
+) -> None:
+    """Add goals and faults of a robot on a stack that a table lacks. environment: with a domain."""
+    goals = {f"goal {number + 1}": each for number, each in enumerate(_goals(n_goals, seed))}
+    missing = [each for each in (*goals, *faults) if (robot, stack, each) not in table.rows]
+    if not missing:
+        return
     folder.mkdir(parents=True, exist_ok=True)
     domain = int(environment["ROS_DOMAIN_ID"])
     with (
@@ -337,12 +352,30 @@ def run_field(
     ):
         if not seen.until(lambda: _is_ready(folder) and seen.measured, _READY_S):
             raise SimError(f"the stack {stack} does not start; read the logs in {folder}")
-        seen.drive_goals(n_goals, np.random.default_rng(seed), outcome)
         drive = seen.goals_to_and_fro()
-        for name in faults:
-            outcome.faults.append(seen.run_fault(name, kind.max_vel_x_mps, drive))
-        seen.finish(outcome)
-    return outcome
+        for task in missing:
+            if task in goals:
+                columns = seen.drive_goal(*goals[task])
+            else:
+                columns = seen.run_fault(task, robot_named(robot).max_vel_x_mps, drive)
+            _append(table, (robot, stack, task), columns)
+
+
+def _goals(count: int, seed: int) -> list[tuple[tuple[float, float], float]]:
+    """Places (m), each another than the one before, and how long (s) to wait before each."""
+    rng = np.random.default_rng(seed)
+    found: list[tuple[tuple[float, float], float]] = []
+    while len(found) < count:
+        place = float(rng.choice(_EAST_M)), float(rng.choice(_NORTH_M))
+        if not found or place != found[-1][0]:
+            found.append((place, float(rng.uniform(0.0, 0.3))))
+    return found
+
+
+def _append(table: RowTable, key: tuple[str, str, str], columns: Mapping[str, Any]) -> None:
+    none: dict[str, Any] = dict.fromkeys(("zero_s", "stood_s", "stood_m"), math.nan)
+    none |= {"false_stops": 0, "late_stops": 0, "reasons": ""}
+    table.append({**dict(zip(_KEYS, key, strict=True)), **none, **columns})
 
 
 def _is_ready(folder: Path) -> bool:
@@ -355,43 +388,54 @@ def run_guard(
     topics: tuple[str, str],
     folder: Path,
     environment: Mapping[str, str],
+    table: RowTable,
     faults: Sequence[str],
     seed: int = 0,
-) -> FieldOutcome:
+) -> None:
     """Faults of a robot before a guard that runs already: it takes commands and publishes others.
 
     topics: of the commands that it takes, and of those that reach the robot, in full. Its inputs
     are `odom`, `scan` and /tf in the namespace of the robot.
     """
     raw, out = topics
-    outcome, kind = FieldOutcome(robot, f"{raw}:{out}"), robot_named(robot)
+    stack, kind = f"{raw}:{out}", robot_named(robot)
     folder.mkdir(parents=True, exist_ok=True)
     options = [robot, "--seed", str(seed), "--cmd-vel", out]
-    command = [
-        sys.executable, "-m", "lab.faults.standin", *options,
-        "--ros-args", "-r", f"__ns:=/{robot}",
-    ]  # fmt: skip
+    options += ["--ros-args", "-r", f"__ns:=/{robot}"]
+    command = [sys.executable, "-m", "lab.faults.standin", *options]
     domain = int(environment.get("ROS_DOMAIN_ID", "0"))
     with (
         _processes({"standin": command}, folder, environment),
         field_of(f"/{robot}", domain) as seen,
     ):
         drive = seen.ahead(raw, kind.max_vel_x_mps)
-        for name in faults:
-            outcome.faults.append(seen.run_fault(name, kind.max_vel_x_mps, drive))
-        if not any(each["began"] for each in outcome.faults):
-            raise SimError(
-                f"the robot {robot} never reached its speed; does the guard take {raw} and publish"
-                f" {out}, and does it get /{robot}/odom, /{robot}/scan and /{robot}/tf?"
-            )
-        seen.finish(outcome)
-    return outcome
+        for task in faults:
+            if (robot, stack, task) in table.rows:
+                continue
+            columns = seen.run_fault(task, kind.max_vel_x_mps, drive)
+            if columns["ending"] == "not begun":
+                raise SimError(
+                    f"the robot {robot} never reached its speed; does the guard take {raw} and"
+                    f" publish {out}, and does it get /{robot}/odom, /{robot}/scan and /{robot}/tf?"
+                )
+            _append(table, (robot, stack, task), columns)
 
 
-def field_rows(outcome: FieldOutcome) -> dict[str, Any]:
-    """The numbers of an outcome without its lists, and of its faults the slowest."""
-    stood = [each["stood_s"] for each in outcome.faults if each.get("stood_s") is not None]
-    lists = ("false_stops", "endings", "faults")
-    found = {key: value for key, value in asdict(outcome).items() if key not in lists}
-    found["n_faults"] = sum(each["began"] for each in outcome.faults)
-    return found | {"n_stood": len(stood), "largest_stood_s": max(stood, default=math.nan)}
+def field_summary(rows: Iterable[Row]) -> pd.DataFrame:
+    """A row for each robot and stack: goals, minutes of driving to them, contacts, stops."""
+    frame = pd.DataFrame(rows)
+    frame["is_goal"] = frame.task.str.startswith("goal ")
+    found = []
+    for (robot, stack), group in frame.groupby(["robot", "stack"], sort=False):
+        goals, faults = group[group.is_goal], group[~group.is_goal]
+        hours = goals.duration_s.sum() / 3600.0
+        found.append({
+            "robot": robot, "stack": stack, "n_goals": len(goals),
+            "n_arrived": int((goals.ending == "arrived").sum()), "minutes": 60.0 * hours,
+            "median_s": goals.duration_s.median(), "largest_s": goals.duration_s.max(),
+            **group[[*_CONTACTS]].sum().to_dict(),
+            "false_stops": int(goals.false_stops.sum()), "late_stops": int(goals.late_stops.sum()),
+            "n_faults": len(faults), "n_stood": int((faults.ending == "stood").sum()),
+            "largest_stood_s": faults.stood_s.max(),
+        })  # fmt: skip
+    return pd.DataFrame(found)

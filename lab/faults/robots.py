@@ -62,7 +62,10 @@ class ReferenceRobot:
         """The hallway for this robot."""
         hallway = load_scenario("hallway")
         patience_s = max(hallway.patience_s, math.ceil(_PATIENCE_CELLS / self.max_vel_x_mps))
-        return hallway.model_copy(update={"patience_s": patience_s}).with_values(
+        hallway = hallway.model_copy(update={"patience_s": patience_s})
+        ticks = math.ceil(1.0 / (self.scan_hz[0] * hallway.control_period_s) - 1e-9)
+        rate_hz = 1.0 / (ticks * hallway.control_period_s)
+        return hallway.with_values("lidar", rate_hz=rate_hz).with_values(
             "robot",
             drive="kinematic",
             radius_m=self.radius_m,

@@ -8,7 +8,7 @@ It drives in the built-in hallway. All stamps are of the wall clock, and no two 
 there. The topic `disturb` (std_msgs/String) holds the name of a fault (`lab.faults.faults`),
 `second parent` for another parent of base_footprint on /tf, `home` to place the robot at its start,
 or an empty text. `measured` (std_msgs/String) has as JSON what came of it: contacts of the outline,
-and how soon the robot stood.
+how soon the robot stood, and `gap_s`, for how long the driver itself could publish nothing.
 """
 
 import argparse
@@ -187,7 +187,9 @@ class Standin(Node):  # type: ignore[misc]  # rclpy has no types
         self._commands, self._measured = CommandGuard(0.5), Measurement()
         self._walkers = Walkers() if options.people else None
         self._channel: Channel = intact
-        self._stepped_s = self.now_s()
+        self._stepped_s = self._last_s = self.now_s()
+        #: Its latest step and the longest time between two since the last message of `measured`.
+        self._gap_s = 0.0
         self._due_s = dict.fromkeys(("odom", "tf", "scan", "measured"), 0.0)
         self._tf_type = raw_message_class(message_type(TF_TYPE))
         self._odom = self.create_publisher(Odometry, "odom", _BEST_EFFORT)
@@ -225,13 +227,15 @@ class Standin(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _step(self) -> None:
         now_s = self.now_s()
+        self._gap_s, self._last_s = max(self._gap_s, now_s - self._last_s), now_s
         while self._stepped_s + STEP_S <= now_s:
             self._stepped_s += STEP_S
             self._move(self._stepped_s)
         self._publish(self._channel(self._messages(now_s)))
         if self._is_due("measured", now_s, MEASURED_S):
             found: dict[str, Any] = {"pose": self.pose, "speed_mps": self.speeds[0]}
-            found |= {"fault": self._measured.fault}
+            found |= {"fault": self._measured.fault, "gap_s": self._gap_s}
+            self._gap_s = 0.0
             found |= {**self._measured.contacts, **self._measured.times}
             if self._nav2 is not None:
                 found |= {"nav2_goals": self._nav2.n_goals, "turned_rad": self._nav2.turned_rad}

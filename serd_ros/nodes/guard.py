@@ -98,11 +98,12 @@ class GuardNode(SerdNode[GuardConfig]):
         self._reported: GuardOutput | None = None
         endpoints, stamped = self.endpoints, config.stamped_cmd_vel or config.lockstep
         self._commands = CommandPublisher(endpoints, topics.CMD_VEL, stamped=stamped)
-        self._localisation = LOCALISATIONS[config.pose_from](endpoints, self._take_pose)
-        endpoints.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
-        PeopleTopic(endpoints, config.people_topic, self._on_people)
+        inputs = self._inputs = endpoints.scope()
+        self._localisation = LOCALISATIONS[config.pose_from](inputs, self._take_pose)
+        inputs.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
+        PeopleTopic(inputs, config.people_topic, self._on_people)
         profile = qos.STATE if config.lockstep else qos.SENSOR
-        follow_scans(endpoints, config, self._on_scan, profile)
+        follow_scans(inputs, config, self._on_scan, profile)
         if config.lockstep:
             endpoints.subscribe(TwistStamped, topics.CMD_VEL_RAW, self._on_stamped, qos.COMMAND)
         else:
@@ -226,6 +227,8 @@ class GuardNode(SerdNode[GuardConfig]):
             self._step()
 
     def _step(self) -> None:
+        """Judge by what has arrived, not by what this process has had the time to take."""
+        self._inputs.take_waiting()
         now_s, self._stepped_wall_s = self.now_s(), self.wall_s()
         if now_s != self._clock_s:
             self._clock_s, self._clock_wall_s = now_s, self._stepped_wall_s

@@ -354,6 +354,20 @@ class Endpoints:
             take(message, info)
         self.destroy(subscription)
 
+    def take_waiting(self) -> None:
+        """Call back with each message that has arrived and waits for its turn.
+
+        What judges how old its inputs are calls this first: to a process that had to wait for a
+        processor, messages that have arrived in time would seem not to have come.
+        """
+        for each in list(self._made):
+            if isinstance(each, Endpoints):
+                each.take_waiting()
+            elif isinstance(each, Subscription):
+                take = _with_info(each.callback)
+                for message, info in waiting_messages(each):
+                    take(message, info)
+
     def follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""
         for scope in [each for each in self._made if isinstance(each, Endpoints)]:
@@ -361,9 +375,7 @@ class Endpoints:
         for subscription, make in list(self._follows.items()):
             topic, callback = subscription.topic_name, subscription.callback
             offered = [each.qos_profile for each in self.node.get_publishers_info_by_topic(topic)]
-            takes_info = len(inspect.signature(callback).parameters) == 2
-            take = callback if takes_info else lambda message, _, call=callback: call(message)
-            *_, newest = self.matching(subscription, offered, make, take)
+            *_, newest = self.matching(subscription, offered, make, _with_info(callback))
             if newest is not subscription:
                 self._follows.pop(subscription, None)
                 self._follows[newest] = make
@@ -372,6 +384,12 @@ class Endpoints:
                     f"{topic}: received as its publishers offer it,"
                     f" {profile.reliability.name.lower()} and {profile.durability.name.lower()}"
                 )
+
+
+def _with_info(callback: Callable[..., None]) -> Callable[[Any, Mapping[str, int]], None]:
+    """A callback of messages as one that takes their info too."""
+    takes_info = len(inspect.signature(callback).parameters) == 2
+    return callback if takes_info else lambda message, _: callback(message)
 
 
 def confirm(publishers: Iterable[Publisher]) -> None:

@@ -14,6 +14,7 @@ from serd_sim.world.command import Command
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
 from support.valid_messages import valid_message
+from support.waiting import wait_until
 
 INPUTS = "odom", "robot_pose", "pedestrians", "scan"
 START = 100.0
@@ -220,4 +221,19 @@ def test_what_a_running_guard_cannot_take_is_refused_with_the_reason(running, wa
     refused = running.set(**wanted)
     assert not refused.successful
     assert sentence in refused.reason
+    running.assert_alive()
+
+
+def test_what_has_arrived_counts_before_an_input_is_too_old(running, monkeypatch):
+    """A process that had to wait for a processor finds a command before the inputs beside it."""
+    later_s = START + 2.0  # a session of its own, with no rate yet
+    monkeypatch.setattr(guard.GuardNode, "now_s", lambda _: later_s)
+    assert receive_command(running, 0.0) == 0.0
+    assert "odom: stamp too old" in running.health["reasons"]
+    for topic in INPUTS:
+        (found,) = running.subscriptions(topic)
+        publisher = running.node.create_publisher(found.msg_type, topic, 10)
+        wait_until(publisher.get_subscription_count)
+        publisher.publish(valid_message(topic, later_s))
+    wait_until(lambda: receive_command(running, 0.0) == pytest.approx(0.3))
     running.assert_alive()
