@@ -78,7 +78,7 @@ def test_a_bag_of_another_robot_is_a_page_after_three_commands(three_commands):
     assert "report.html" in printed
     assert shown(page) == FIGURES
     text = page.read_text(encoding="utf-8")
-    assert "After 8 demonstrations with" in text
+    assert "After 16 demonstrations with" in text
     assert "cells of 0.5 m, patience of 4 s" in text
 
 
@@ -86,7 +86,7 @@ def test_a_model_is_reported_with_its_drives_and_chosen_starts(learned):
     assert learned("navigate", "model.yaml", "--episodes", 1, "--output", "driven").code == 0
     words = ("--episodes", "driven/episodes.csv", "--start", "3.4,2.2", "--output", "driven/page")
     found = json.loads(learned("report", "model.yaml", *words, "--json").out)
-    assert (found["n_episodes"], found["n_demonstrations"]) == (1, 8)
+    assert (found["n_episodes"], found["n_demonstrations"]) == (1, 16)
     assert shown(found["report"]) == (FIGURES - {"visitation"}) | {"arrival"}
     assert ">3.4, 2.2</th>" in Path(found["report"]).read_text(encoding="utf-8")
 
