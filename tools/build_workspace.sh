@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Build the package serd_ros of ros_ws with plain colcon; quiet unless it fails. serd_msgs needs the
-# CMake files of a full ROS installation; without one tools/build_interfaces.sh builds it.
+# CMake files of a full ROS installation, so it is left out; tools/build_interfaces.sh builds it.
 set -euo pipefail
 bin=$(cd "$1" && pwd)
 cd "$(dirname "$0")/../ros_ws"
@@ -8,7 +8,7 @@ cd "$(dirname "$0")/../ros_ws"
 rm -rf build/serd_ros/build install/serd_ros
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
-if ! PATH="$bin:$PATH" "$bin/colcon" build --packages-select serd_ros >"$log" 2>&1; then
+if ! PATH="$bin:$PATH" "$bin/colcon" build --base-paths src/serd_ros >"$log" 2>&1; then
   cat "$log" >&2
   echo "build: colcon could not build ros_ws (see above)." >&2
   exit 1
