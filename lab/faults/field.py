@@ -53,7 +53,6 @@ _GOAL_S, WATCHED_S, _READY_S = 120.0, 9.0, 90.0
 _EAST_M, _NORTH_M = (1.5, 2.5, 3.5, 4.5), (2.5, 3.5, 4.5, 5.5)
 _FAST, _COMMAND_S = 0.85, 0.05
 
-
 #: The driver was late where it published nothing for the first time (s) within the second (s).
 _LATE_S, _AROUND_S = 0.15, 1.5
 

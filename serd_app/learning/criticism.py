@@ -16,6 +16,7 @@ than three drives support no claim but the counts.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -27,7 +28,7 @@ from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.chain import ArrivalByState, timed_arrival
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, binomial_tail, steps_within
-from serd_core.bayes.laplace import PosteriorDraws, laplace, laplace_draws
+from serd_core.bayes.laplace import PosteriorDraws, laplace, laplace_draws, policies_under
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
@@ -35,7 +36,6 @@ from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import WAITING, NavigationProblem
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
-from serd_core.policies.solved_policy import soft_policy
 from serd_core.selection.evaluation import move_log_likelihood
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed
 from serd_files.model_file import Check
@@ -67,7 +67,7 @@ class Criticised:
     plan: what the robot would drive. decisions: what it was learned from, up to the goal; seen:
     those with known actions, where a hidden one that moved was for the cell it led to.
     fitted: the problem on which the method learned, and draws of what it learned, None where it
-    has no posterior. demonstrator: (S, A) the soft policy that the model has of who drove.
+    has no posterior. policy: (S, A) the soft one of its point estimate.
     """
 
     plan: Plan
@@ -75,8 +75,20 @@ class Criticised:
     seen: TimedDecisions
     fitted: NavigationProblem
     draws: PosteriorDraws | None
-    demonstrator: FloatArray
+    policy: FloatArray
     traps: LearnedTraps
+
+    @cached_property
+    def policies(self) -> FloatArray:
+        """(n, S, A) soft policies of the draws, else that of the point estimate."""
+        if self.draws is None:
+            return self.policy[None]
+        return _policies_of(self.fitted, self.draws)
+
+    @property
+    def demonstrator(self) -> FloatArray:
+        """(S, A) the soft policy that the model has of who drove."""
+        return np.asarray(self.policies.mean(axis=0))
 
     @property
     def problem(self) -> NavigationProblem:
@@ -298,6 +310,12 @@ def _by_drive(found: Criticised, draws: PosteriorDraws) -> FloatArray:
     return np.stack([np.bincount(drive[known], weights=each) for each in every])
 
 
+def _policies_of(problem: NavigationProblem, draws: PosteriorDraws) -> FloatArray:
+    """(n, S, A) soft policies of draws."""
+    tables = draws.believed_outcome_probabilities
+    return np.stack(list(policies_under(problem, draws.reward, tables)))
+
+
 def _of_posterior(found: Criticised, draws: PosteriorDraws, group: IntArray) -> FloatArray:
     """(N,) log-likelihood of each move under the posterior without the drives of its group."""
     fitted, models = found.fitted, found.fitted.outcome_models
@@ -306,10 +324,7 @@ def _of_posterior(found: Criticised, draws: PosteriorDraws, group: IntArray) -> 
         by_decisions = fitted.by_decisions
     hidden = found.decisions.with_hidden_actions()
     seen, moves = list[FloatArray](), list[FloatArray]()
-    for weights, believed, truth in zip(
-        draws.reward, draws.believed_outcome_probabilities, draws.truth, strict=True
-    ):
-        policy = soft_policy(fitted, weights, believed).probabilities
+    for policy, truth in zip(found.policies, draws.truth, strict=True):
         table = models.local_probabilities(truth[: models.n_energies])
         for scores, of in ((seen, found.decisions), (moves, hidden)):
             scores.append(move_log_likelihood(by_decisions, of, policy, table))
@@ -348,8 +363,7 @@ class _RewardsAlone:
             dynamics=parameters, prior=PriorByEvidence(),
         )  # fmt: skip
         draws = laplace_draws(laplace(problem, seen, fit), np.random.default_rng(0))
-        local = require_timed(problem.mdp.transitions).local_probabilities(parameters)
-        policies = np.stack([soft_policy(problem, w, local).probabilities for w in draws.reward])
+        policies = _policies_of(problem, draws)
         return cls(policies, np.log(policies[:, seen.state, seen.action]))
 
     def without(self, left_out: BoolArray) -> FloatArray:

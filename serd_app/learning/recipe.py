@@ -28,7 +28,7 @@ from serd_app.learning.several_goals import GoalDrives, in_one_problem
 from serd_app.places.kept_scenario import own_scenario_yaml
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws, posterior_policy
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace_draws
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Grid, Outcome
@@ -156,7 +156,7 @@ def _checks(
         with_moves_as_actions(task.problem.grid, decisions),
         problem,
         draws,
-        demonstrator_of(problem, found.fit, draws),
+        fitted_policy(problem, found.fit),
         traps,
     )
     return criticise(tested, np.random.default_rng(settings.seed))
@@ -176,15 +176,6 @@ def plan_of(
     tables = require_timed(problem.mdp.transitions).local_probabilities(dynamics)
     learned = optimal_policy(problem, fit.reward_weights, tables.mean(axis=0))
     return Plan(problem=problem, learned=learned, draws=dynamics, timeout_s=timeout_s)
-
-
-def demonstrator_of(
-    problem: NavigationProblem, fit: FitResult, draws: PosteriorDraws | None
-) -> FloatArray:
-    """(S, A) soft policy of who drove, averaged over the posterior where the fit has one."""
-    if draws is None:
-        return fitted_policy(problem, fit)
-    return posterior_policy(problem, draws)
 
 
 def _problem_of(

@@ -375,10 +375,20 @@ def posterior_policy(problem: Problem, draws: PosteriorDraws) -> FloatArray:
 def averaged_policy(
     problem: Problem, reward_weights: FloatArray, outcome_probabilities: FloatArray
 ) -> FloatArray:
-    """(S, A) mean of the soft policies of (n, F) reward weights and (n, M, K) dynamics."""
-    total, value = np.zeros(problem.mdp.available.shape), None
+    """(S, A) mean of `policies_under`."""
+    total = np.zeros(problem.mdp.available.shape)
+    for policy in policies_under(problem, reward_weights, outcome_probabilities):
+        total = total + policy
+    return np.asarray(total / len(reward_weights))
+
+
+def policies_under(
+    problem: Problem, reward_weights: FloatArray, outcome_probabilities: FloatArray
+) -> Iterator[FloatArray]:
+    """The soft policy (S, A) of each of (n, F) reward weights and (n, M, K) dynamics."""
+    value = None
     for weights, table in zip(reward_weights, outcome_probabilities, strict=True):
         transitions = transitions_of(problem.mdp.transitions, table)
         solution = solution_at(problem, weights, transitions, initial_value=value)
-        total, value = total + solution.policy, solution.value
-    return np.asarray(total / len(reward_weights))
+        value = solution.value
+        yield solution.policy

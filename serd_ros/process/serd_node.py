@@ -364,9 +364,8 @@ class Endpoints:
             if isinstance(each, Endpoints):
                 each.take_waiting()
             elif isinstance(each, Subscription):
-                take = _with_info(each.callback)
                 for message, info in waiting_messages(each):
-                    take(message, info)
+                    _with_info(each.callback)(message, info)
 
     def follow_publishers(self) -> None:
         """Request less where a publisher does not offer what a subscription requests."""
