@@ -52,7 +52,7 @@ def test_choices_of_experts_who_believe_the_truth_cost_nothing_on_average():
     given, family, costs = sc.PriorByEvidence(2.0, 1.0), FAMILIES["random MDP"](), []
     for seed in range(40):
         rng = RNG([5, seed])
-        decisions = demonstrated(family, *drawn_truth(family.problem, given, rng), rng)
+        decisions = demonstrated(family, *drawn_truth(family, rng), rng)
         fit = sc.fit_mdce_serd(family.problem, decisions, prior=given)
         costs.append(sc.judge_joint_dynamics(family.problem, decisions, fit, rng).cost_nats)
     assert abs(np.mean(costs)) < 3.0 * np.std(costs) / np.sqrt(len(costs))
