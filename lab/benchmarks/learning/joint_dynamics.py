@@ -79,8 +79,9 @@ def measure(family: str, demonstrations: int, expert: str, world: int) -> dict[s
     held_out = demonstrated(replace(place, n_episodes=HELD_OUT), weights, truth, rng, belief)
     try:
         fit = fit_mdce_serd(place.problem, decisions)
-        draws = laplace_draws(laplace(place.problem, decisions, fit), rng, N_DRAWS)
-        found = judge_joint_dynamics(place.problem, decisions, fit, rng, draws)
+        posterior = laplace(place.problem, decisions, fit)
+        draws = laplace_draws(posterior, rng, N_DRAWS)
+        found = judge_joint_dynamics(posterior, decisions, rng, draws)
     except SerdError as error:
         return {"failure": str(error)}
     policies = {
