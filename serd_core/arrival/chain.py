@@ -27,7 +27,7 @@ import scipy.sparse.csgraph
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
-from scipy.special import gammainc
+from scipy.special import gammainc, gammainccinv
 
 from serd_core import checks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
@@ -206,6 +206,8 @@ def _block(band: FloatArray, width: int, first: int, last: int) -> FloatArray:
 
 #: r^N: what late arrivals may add to a probability; rounding is its inverse times that of a number.
 ALIASED = 1e-8
+#: Probability of later times below which a law of dwell times has ended.
+_NO_MORE = 1e-18
 #: Steps, doubled as often as needed, after which the law is constant where a later arrival has at
 #: most this probability; where mean and deviation are known, about so many deviations.
 SOON, SETTLED, _DEVIATIONS = 512, 1e-4, 4.0
@@ -335,12 +337,14 @@ def dwell_steps(mean_s: FloatArray, shape: FloatArray, step_s: float, n_steps: i
     two steps is divided between them so that the mean stays what it is. So the probability of step
     i is the second difference, over step_s, of the integral of the law's distribution function.
     """
-    shape, mean_s = shape[:, None], mean_s[:, None]
     ends_s = step_s * np.arange(n_steps + 2)
-    with np.errstate(invalid="ignore"):  # of shapes of inf, which are replaced
-        rate = shape / mean_s * ends_s
-        integral = ends_s * gammainc(shape, rate) - mean_s * gammainc(shape + 1.0, rate)
-    integral = np.where(np.isinf(shape), np.maximum(ends_s - mean_s, 0.0), integral)
+    integral = np.maximum(ends_s - mean_s[:, None], 0.0)  # where the law has ended, or has no width
+    for row in np.flatnonzero(np.isfinite(shape)):
+        rate = shape[row] / mean_s[row] * ends_s
+        within = slice(np.searchsorted(rate, gammainccinv(shape[row] + 1.0, _NO_MORE)) + 1)
+        ends = rate[within]
+        integral[row, within] = ends_s[within] * gammainc(shape[row], ends)
+        integral[row, within] -= mean_s[row] * gammainc(shape[row] + 1.0, ends)
     mass = np.diff(integral, n=2, prepend=0.0, axis=1) / step_s
     return np.asarray(mass.clip(0.0, 1.0))
 
