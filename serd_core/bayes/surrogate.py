@@ -154,7 +154,7 @@ class Surrogate:
         at = [belief.unpack(point, self.space.like) for point in points]
         prior, dwells = self.posterior.prior, self.posterior.observations.dwells
         model = self.posterior.problem.mdp.transitions
-        log_others = np.array([prior.evaluate(model, each).value for each in at])
+        log_others = prior.values(model, at)
         if dwells is not None:
             log_others += dwells.by_decision(np.stack([each.truth for each in at])).sum(axis=1)
         return ExactPart(log_policy, solved, log_others + self._log_weights(points))

@@ -4,6 +4,7 @@ log P(theta) = -sum (theta - mean)^2 / (2 sd^2) - Z      (section 4.6.2)
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from operator import is_
 
@@ -38,6 +39,10 @@ class Prior(ABC):
     @abstractmethod
     def evaluate(self, model: TransitionModel, parameters: Parameters) -> LogPrior:
         """Value and gradient at `parameters` of the transition model."""
+
+    def values(self, model: TransitionModel, at: Sequence[Parameters]) -> FloatArray:
+        """(n,) values at as many points; one after another unless overridden."""
+        return np.array([self.evaluate(model, each).value for each in at])
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """(n, n) second derivatives by all blocks in a row; by differences unless overridden."""
@@ -87,6 +92,9 @@ class SumOfPriors(Prior):
         for part in (term.evaluate(model, parameters) for term in self.terms):
             value, gradient = value + part.value, gradient + part.gradient
         return LogPrior(value, gradient)
+
+    def values(self, model: TransitionModel, at: Sequence[Parameters]) -> FloatArray:
+        return sum((term.values(model, at) for term in self.terms), np.zeros(len(at)))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         table = np.zeros((len(parameters.vector),) * 2)
@@ -175,6 +183,12 @@ class GaussianPrior(Prior):
         away = (theta - self.mean) / deviation
         gradient = parameters.zeros().with_block(self.block, -away / deviation)
         return LogPrior(-0.5 * float(np.sum(away**2)), gradient)
+
+    def values(self, model: TransitionModel, at: Sequence[Parameters]) -> FloatArray:
+        del model
+        theta = np.stack([each.block(self.block) for each in at])
+        away = (theta - self.mean) / self._deviations(theta[0])
+        return np.asarray(-0.5 * np.sum(away**2, axis=1))
 
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         """-1 / sd^2 on the block's diagonal."""

@@ -20,6 +20,7 @@ has not moved ends in its own state after T seconds, so moves take less. Where T
 density is multiplied by Phi((log T_d - log mean_d) / BLUR), and divided by the integral of all.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -290,6 +291,10 @@ class DwellPrior(Prior):
         value, slope = self.of_laws(require_timed(model), parameters.block(self.block))
         return LogPrior(value, parameters.zeros().with_block(self.block, slope))
 
+    def values(self, model: TransitionModel, at: Sequence[Parameters]) -> FloatArray:
+        theta = np.stack([each.block(self.block) for each in at])
+        return self._log_densities(require_timed(model), theta)
+
     def hessian(self, model: TransitionModel, parameters: Parameters) -> FloatArray:
         table = self.precision(require_timed(model), parameters.block(self.block))
         return parameters.placed(self.block, -table)
@@ -309,10 +314,17 @@ class DwellPrior(Prior):
         means, shapes = away[model.means], away[model.shapes]
         pull[model.means] = (means - self._shared(model) * means.sum()) / self.deviation**2
         pull[model.shapes] = shapes / SHAPE_DEVIATION**2
-        below, slope, _ = _log_below(model.log_longest_s - theta[model.means])
-        value = -0.5 * float(away @ pull) + float(below.sum())
-        pull[model.means] += slope
-        return value, -pull
+        pull[model.means] += _log_below(model.log_longest_s - theta[model.means])[1]
+        return float(self._log_densities(model, theta[None])[0]), -pull
+
+    def _log_densities(self, model: SemiMarkovModels, theta: FloatArray) -> FloatArray:
+        """(n,) log density up to `log_constant` at (n, N) parameters."""
+        away = theta - self.mean(model)
+        means, shapes = away[:, model.means], away[:, model.shapes]
+        squares = np.sum(means**2, axis=1) - self._shared(model) * means.sum(axis=1) ** 2
+        squares = squares / self.deviation**2 + np.sum((shapes / SHAPE_DEVIATION) ** 2, axis=1)
+        below = _log_below(model.log_longest_s - theta[:, model.means])[0]
+        return np.asarray(below.sum(axis=1) - 0.5 * squares)
 
     def mean(self, model: SemiMarkovModels) -> FloatArray:
         """(N,) prior mean of log means and log shapes; 0 for energies."""

@@ -49,6 +49,9 @@ def require_derivatives(prior, model, of, vector):
         for unit in step * np.eye(len(vector))
     ]
     np.testing.assert_allclose(found, np.array(numeric) / (2 * step), atol=2e-7)
+    several = [of(vector), of(vector[::-1] / 2)]
+    values = [prior.evaluate(model, each).value for each in several]
+    np.testing.assert_allclose(prior.values(model, several), values, rtol=1e-12)
     by_gradient = gradient_differences(
         lambda v: prior.evaluate(model, of(v)).gradient.vector, vector, step=1e-7
     )
