@@ -350,6 +350,7 @@ def interval_draws(found: Laplace, rng: np.random.Generator, mass: float = 0.9) 
         return laplace_draws(found, rng, N_CHAINS * FIRST_STATES)
     chains, table = found.chains(N_CHAINS, rng), found.coordinates.table
     shares = np.array([(1.0 - mass) / 2.0, 0.5, (1.0 + mass) / 2.0])
+    chains.states(FIRST_STATES)  # away from the normal draws that they start at
     points, counts = chains.states(FIRST_STATES)
     while len(points) < N_CHAINS * MOST_STATES:
         if np.all(effective_sizes(points @ table.T, N_CHAINS, shares) >= EFFECTIVE):

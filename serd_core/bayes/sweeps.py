@@ -13,13 +13,17 @@ min(1, ratio), and leaves p^ as it is (docs/evidence.md has the reasons):
     outcomes of a model   x_E ~ Multinomial(n_E, P_k / sum_E P),   P' ~ Dirichlet(c_m + sum_E x_E),
                           with probability 7/10 w' = w + A (P' - P);    ratio (N L^)' / (N L^)
     weights               w' = w + a normal step;                       ratio (N L^)' / (N L^)
+    one weight            w' = w + a normal step of any length;         ratio (N L^)' / (N L^)
     log odds of a model   energies and a normal step;                   ratio p^' / p^
     law of dwell times    its mean or shape ~ N given all others;       ratio L^' / L^
 
 The counts x complete the transitions (Tanner and Wong 1987); A is the slope of w by P_m in
 Laplace's approximation. A sweep from x to y is taken with the probability
 min(1, (L / L^)(y) / (L / L^)(x)), which leaves p as it is (surrogate transitions: Liu 2001) and
-costs one solution of Bellman's equation. Where actions are hidden, it starts with a draw of them.
+costs one solution of Bellman's equation. Then a step of one weight and another step are taken with
+L itself, as L^ is wrong far from the mode, where weights that few choices bound go: the length of a
+step of one weight is drawn between the width of Laplace's approximation, given all other numbers,
+and that of the prior. Where actions are hidden, a sweep starts with a draw of them.
 """
 
 from collections.abc import Callable
@@ -140,6 +144,8 @@ class Chains:
         self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
         weights = np.arange(len(near.space.like.reward))
         self.walks = [_walk(near.space, precision, weights)] * N_WALKS
+        narrow = near.space.units()[weights] / np.sqrt(np.diag(precision)[weights])
+        self.lengths = np.log([narrow, near.widths])
         if self.laws:
             both = np.concatenate([weights, *laws])
             self.walks += [_walk(near.space, precision, both)] * N_WALKS
@@ -173,6 +179,7 @@ class Chains:
         if self.near.posterior.observations.hidden:
             self._draw_actions()
         steps: list[Callable[[], None]] = [partial(self._walk, each) for each in self.walks]
+        steps.append(self._reach)
         for model in self.models:
             steps.append(partial(self._walk_outcomes, model))
             if model.has_counts:
@@ -195,6 +202,7 @@ class Chains:
         self.n_proposed += len(taken)
         self.n_accepted += int(taken.sum())
         self.direct = True
+        self._reach()
         steps[self.rng.integers(len(steps))]()
         self.direct = False
 
@@ -236,6 +244,16 @@ class Chains:
 
     def _walk(self, walk: _Walk) -> None:
         self._step(walk.step(self.points, self.rng))
+
+    def _reach(self) -> None:
+        """Move one weight of each chain by a step of any length up to the width of its prior."""
+        rows, n = np.arange(len(self.points)), self.lengths.shape[1]
+        weight, share = self.rng.integers(n, size=len(rows)), self.rng.random(len(rows))
+        shortest, longest = self.lengths[:, weight]
+        length = STRIDE * np.exp(shortest + share * (longest - shortest))
+        moved = self.points.copy()
+        moved[rows, weight] += length * self.rng.standard_normal(len(rows))
+        self._step(moved)
 
     def _redraw_outcomes(self, model: _Model) -> None:
         logs = self.near.log_outcomes(self.points, model.group)[:, model.number]

@@ -58,7 +58,7 @@ def test_what_is_identified_has_its_beta_posterior_and_what_is_not_keeps_its_pri
     problem, decisions = one_way(places)
     found = fitted(problem, decisions, pseudo_count=pseudo_count, intended_ratio=ratio)
     counts = pseudo_count * np.array([1.0] * (len(places) - 1) + [ratio])
-    draws = sc.laplace_draws(found, np.random.default_rng(1), 3000)
+    draws = sc.laplace_draws(found, np.random.default_rng(1), 9000)
     table = draws.outcome_probabilities[:, 0]
     ahead = (decisions.next_state - decisions.state) % N_CELLS
     for place in set(places):
