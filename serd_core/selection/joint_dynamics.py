@@ -44,8 +44,6 @@ from serd_core.priors.divergence import require_outcome_models
 #: Nats that choices cost the moves above which joint dynamics contradict these. Fixed on the worlds
 #: of `lab.posterior.families`, where experts who believe the truth exceed it in 3 of 100 sets.
 MOST_COST = 2.3
-#: Nats by which the evidence of joint dynamics must lead for a point estimate to take them.
-LEAD = 1.0
 #: Draws of the dynamics given the moves alone.
 N_DRAWS = 64
 
@@ -75,11 +73,6 @@ class JointDynamics:
         if self.cost_nats <= MOST_COST:
             return "joint"
         return "counted" if self.action_nats > self.uniform_nats else "neither"
-
-    @property
-    def point(self) -> str:
-        """The dynamics that a point estimate takes; averages take those that are chosen."""
-        return "joint" if self.chosen == "joint" and self.lead_nats > LEAD else "counted"
 
     @cached_property
     def sentence(self) -> str:
