@@ -203,6 +203,7 @@ class Chains:
         self.n_accepted += int(taken.sum())
         self.direct = True
         self._reach()
+        self._leap()
         steps[self.rng.integers(len(steps))]()
         self.direct = False
 
@@ -245,26 +246,50 @@ class Chains:
     def _walk(self, walk: _Walk) -> None:
         self._step(walk.step(self.points, self.rng))
 
-    def _reach(self) -> None:
-        """Move one weight of each chain by a step of any length up to the width of its prior."""
-        rows, n = np.arange(len(self.points)), self.lengths.shape[1]
-        weight, share = self.rng.integers(n, size=len(rows)), self.rng.random(len(rows))
-        shortest, longest = self.lengths[:, weight]
-        length = STRIDE * np.exp(shortest + share * (longest - shortest))
-        moved = self.points.copy()
-        moved[rows, weight] += length * self.rng.standard_normal(len(rows))
+    def _leap(self) -> None:
+        """Move or mirror one weight of each chain, and redraw the outcomes of some models."""
+        n = len(self.points)
+        moved, rows = self.points.copy(), np.arange(n)
+        weight = self.rng.integers(self.lengths.shape[1], size=n)
+        turned = self._reached(weight)
+        mirrored = self.rng.random(n) < 0.5
+        moved[rows, weight] = np.where(mirrored, -moved[rows, weight], turned)
+        share = self.rng.random(n)
+        for model in self.models:
+            if model.has_counts:
+                taken = self.rng.random(n) < share
+                energies = self._completed(model) / self.near.model.beta
+                places = moved[:, model.walk.rows]
+                moved[:, model.walk.rows] = np.where(taken[:, None], energies, places)
         self._step(moved)
 
+    def _reach(self) -> None:
+        """Move one weight of each chain by a step of any length up to the width of its prior."""
+        weight = self.rng.integers(self.lengths.shape[1], size=len(self.points))
+        moved = self.points.copy()
+        moved[np.arange(len(moved)), weight] = self._reached(weight)
+        self._step(moved)
+
+    def _reached(self, weight: IntArray) -> FloatArray:
+        """(n,) values of one weight of each chain after such a step."""
+        shortest, longest = self.lengths[:, weight]
+        length = STRIDE * np.exp(shortest + self.rng.random(len(weight)) * (longest - shortest))
+        at = self.points[np.arange(len(weight)), weight]
+        return np.asarray(at + length * self.rng.standard_normal(len(weight)))
+
     def _redraw_outcomes(self, model: _Model) -> None:
+        moved = self.points.copy()
+        self._put_outcomes(moved, model, self._completed(model))
+        self._step(moved)
+
+    def _completed(self, model: _Model) -> FloatArray:
+        """(n, K) log outcomes of one model, drawn given its moves, which the present ones share."""
         logs = self.near.log_outcomes(self.points, model.group)[:, model.number]
         of_sets = model.of_sets(logs)
         shares = np.exp(of_sets - np.logaddexp.reduce(of_sets, axis=2, keepdims=True))
         counts = self.set_counts[:, model.sets].astype(np.int64)
         completed = self.rng.multinomial(counts, shares).sum(axis=1)
-        drawn = self._log_dirichlet(self._counts_of(model) + completed)
-        moved = self.points.copy()
-        self._put_outcomes(moved, model, drawn)
-        self._step(moved)
+        return self._log_dirichlet(self._counts_of(model) + completed)
 
     def _walk_base(self, of_group: int) -> None:
         """Move the pseudo-counts of a group under its outcomes, whatever the choices."""
