@@ -15,7 +15,7 @@ import numpy as np
 from serd_core.arrays import FloatArray
 
 #: Standard errors by which the halves of stationary chains hardly ever differ.
-DRIFT = 4.5
+DRIFT = 3.5
 
 
 def effective_sizes(draws: FloatArray, n_chains: int, shares: FloatArray) -> FloatArray:

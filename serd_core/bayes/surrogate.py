@@ -75,8 +75,8 @@ class Surrogate:
     (m,) and (m, m) of log N there; value: (S,) V*. copies: of the MDP, which are solved together.
     pairs: (p,) observed s A + a; state: (p,) places of their states among the (v,) observed ones.
     q: (v, A) Q*; slopes: (v, A, l) its derivatives by l numbers, reward weights and believed
-    probabilities; centre: (l,) these at the mode. widths: (F,) standard deviations of the prior of
-    the weights; scales: that prior where it is no part of `posterior`.
+    probabilities; centre: (l,) these at the mode. of_prior: (m,) curvature of the whole prior by
+    each number; scales: the prior of the weights where that is no part of `posterior`.
     """
 
     posterior: Posterior
@@ -92,7 +92,7 @@ class Surrogate:
     q: FloatArray
     slopes: FloatArray
     centre: FloatArray
-    widths: FloatArray
+    of_prior: FloatArray
     scales: Scales | None
 
     @property
@@ -240,6 +240,6 @@ def surrogate(
         q=solution.q[states],
         slopes=derivatives.by_q_of(states),
         centre=np.concatenate([at.reward, believed.local_probabilities.ravel()]),
-        widths=(-np.diag(priors.hessian(mdp.transitions, at))[at.place(Block.REWARD)]) ** -0.5,
+        of_prior=-np.diag(jacobian.T @ priors.hessian(mdp.transitions, at) @ jacobian),
         scales=Scales(feature_ranges(posterior.problem)) if learned_scales else None,
     )

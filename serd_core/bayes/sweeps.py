@@ -144,8 +144,9 @@ class Chains:
         self.laws = [row for row in np.concatenate(laws).tolist() if near.hessian[row, row] < 0]
         weights = np.arange(len(near.space.like.reward))
         self.walks = [_walk(near.space, precision, weights)] * N_WALKS
-        narrow = near.space.units()[weights] / np.sqrt(np.diag(precision)[weights])
-        self.lengths = np.log([narrow, near.widths])
+        self.reached = np.concatenate([weights, np.array(self.laws, dtype=np.int64)])
+        narrow = near.space.units()[self.reached] / np.sqrt(np.diag(precision)[self.reached])
+        self.lengths = np.log([narrow, near.of_prior[self.reached] ** -0.5])
         if self.laws:
             both = np.concatenate([weights, *laws])
             self.walks += [_walk(near.space, precision, both)] * N_WALKS
@@ -246,36 +247,33 @@ class Chains:
     def _walk(self, walk: _Walk) -> None:
         self._step(walk.step(self.points, self.rng))
 
+    def _reach(self) -> None:
+        """Move one weight or law of each chain by any length up to the width of its prior."""
+        self._step(self._reached())
+
     def _leap(self) -> None:
-        """Move or mirror one weight of each chain, and redraw the outcomes of some models."""
-        n = len(self.points)
-        moved, rows = self.points.copy(), np.arange(n)
-        weight = self.rng.integers(self.lengths.shape[1], size=n)
-        turned = self._reached(weight)
-        mirrored = self.rng.random(n) < 0.5
-        moved[rows, weight] = np.where(mirrored, -moved[rows, weight], turned)
-        share = self.rng.random(n)
+        """The same, or a weight mirrored, with outcomes of some models redrawn."""
+        rows, moved = np.arange(len(self.points)), self._reached()
+        weight = self.rng.integers(len(self.near.space.like.reward), size=len(rows))
+        mirrored, share = self.rng.random(len(rows)) < 0.5, self.rng.random(len(rows))
+        moved[mirrored] = self.points[mirrored]
+        moved[rows, weight] *= np.where(mirrored, -1.0, 1.0)
         for model in self.models:
             if model.has_counts:
-                taken = self.rng.random(n) < share
+                taken = self.rng.random(len(rows)) < share
                 energies = self._completed(model) / self.near.model.beta
-                places = moved[:, model.walk.rows]
-                moved[:, model.walk.rows] = np.where(taken[:, None], energies, places)
+                there = moved[:, model.walk.rows]
+                moved[:, model.walk.rows] = np.where(taken[:, None], energies, there)
         self._step(moved)
 
-    def _reach(self) -> None:
-        """Move one weight of each chain by a step of any length up to the width of its prior."""
-        weight = self.rng.integers(self.lengths.shape[1], size=len(self.points))
-        moved = self.points.copy()
-        moved[np.arange(len(moved)), weight] = self._reached(weight)
-        self._step(moved)
-
-    def _reached(self, weight: IntArray) -> FloatArray:
-        """(n,) values of one weight of each chain after such a step."""
-        shortest, longest = self.lengths[:, weight]
-        length = STRIDE * np.exp(shortest + self.rng.random(len(weight)) * (longest - shortest))
-        at = self.points[np.arange(len(weight)), weight]
-        return np.asarray(at + length * self.rng.standard_normal(len(weight)))
+    def _reached(self) -> FloatArray:
+        """(n, m) points after a step of one number of each chain."""
+        rows, moved = np.arange(len(self.points)), self.points.copy()
+        number = self.rng.integers(len(self.reached), size=len(rows))
+        shortest, longest = self.lengths[:, number]
+        length = STRIDE * np.exp(shortest + self.rng.random(len(rows)) * (longest - shortest))
+        moved[rows, self.reached[number]] += length * self.rng.standard_normal(len(rows))
+        return moved
 
     def _redraw_outcomes(self, model: _Model) -> None:
         moved = self.points.copy()
