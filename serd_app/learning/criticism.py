@@ -1,10 +1,11 @@
-"""Whether the data support what a model claims: five checks between the fit and the headline.
+"""Whether the data support what a model claims: six checks between the fit and the headline.
 
 | key | question | fails where |
 | --- | --- | --- |
 | rollouts | does the policy arrive under counted dynamics? | less often, or at other times |
 | ways | is there a way to the goal? | none from a start, or a quarter of the cells |
 | arrival_times | do drives arrive as forecast, or as the model has the driver? | they do not |
+| dwell_times | do moves take as long in all places? | no, and the forecast may be a tenth off |
 | outcomes | do moves end as often as the posterior expects? | tail probability below 5 % |
 | held_out_moves | are moves of left-out drives likelier than under simpler models? | they are not |
 
@@ -22,6 +23,7 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import beta, t
 
+from serd_app.learning.dwell_places import check_dwell_times
 from serd_app.learning.outcome import LearnedTraps
 from serd_bag.quantities import counted, seconds_in_words
 from serd_core.arrays import BoolArray, FloatArray, IntArray
@@ -114,6 +116,9 @@ def criticise(found: Criticised, rng: np.random.Generator) -> tuple[Check, ...]:
             _ways(found),
             _arrival_times(found),
             _outcomes(found, rng),
+            check_dwell_times(
+                found.plan, found.seen, found.starts, rng, level=LEVEL, margin=_MARGIN
+            ),
             _held_out_moves(found),
         ]
     except SerdError as error:  # as of a law that does not fit into memory
