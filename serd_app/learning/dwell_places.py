@@ -54,9 +54,7 @@ def place_factors(
     n_moves = np.bincount(cell).astype(np.float64)
     near = _nearness(problem.grid, cells)
     by_chance = (_within_laws(residual, law, rng) for _ in range(_REPLICATES))
-    sums = np.stack(
-        [weighted_counts(cell, each, len(cells)) for each in (residual, *by_chance)]
-    )
+    sums = np.stack([weighted_counts(cell, each, len(cells)) for each in (residual, *by_chance)])
     largest = np.abs(sums @ near / np.sqrt(near**2 @ n_moves)).max(axis=1)
     factors = np.exp(near @ sums[0] / (near @ n_moves + _WORTH))
     return PlaceFactors(float(np.mean(largest >= largest[0])), cells, factors)
