@@ -23,7 +23,7 @@ from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.semi_markov.dwell_likelihood import dwell_times
-from serd_core.semi_markov.models import require_timed, semi_markov_problem
+from serd_core.semi_markov.models import semi_markov_problem
 from serd_files.model_file import Check
 from serd_sim.drivers.strategy import STEP_S, Plan
 
@@ -107,10 +107,10 @@ def check_dwell_times(
     key, found = "dwell_times", place_factors(plan.problem, decisions, rng)
     if found is None:
         return Check(key=key, mark="unknown", sentence="no dwell time of a move is known")
-    ends = f"{found.factors.min():.2f} to {found.factors.max():.2f} times"
     sentence = (
-        f"moves take {ends} as long as on average by place, from {counted(len(found.cells), 'cell')}"
-        f" with moves (tail probability {found.tail:.3f})"
+        f"by place moves take {found.factors.min():.2f} to {found.factors.max():.2f} times as long"
+        f" as on average, over {counted(len(found.cells), 'cell')} with moves (tail probability"
+        f" {found.tail:.3f})"
     )
     if found.tail > level:
         return Check(key=key, mark="holds", sentence=sentence)
