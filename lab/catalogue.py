@@ -63,6 +63,11 @@ BENCHMARKS = {
         ("driving", "closed_loop", "256 episodes: people as given and from scans"),
         ("driving", "crowd_step", "a step of 30 to 1,000 people, against JuPedSim"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
+        (
+            "learning",
+            "intervals",
+            "whether 90 % intervals hold the truth, and their width, in seven kinds of worlds",
+        ),
         ("learning", "calibration", "ranks of the truth among draws, in seven kinds of worlds"),
         ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
         ("learning", "joint_dynamics", "alarms of the rule for joint or counted dynamics"),

@@ -61,6 +61,7 @@ from serd_core.selection.evaluation import fitted_policy as fitted_policy
 from serd_core.selection.evaluation import move_log_likelihood as move_log_likelihood
 from serd_core.selection.evaluation import policy_log_likelihood as policy_log_likelihood
 from serd_core.selection.evaluation import validation_log_likelihood as validation_log_likelihood
+from serd_core.selection.joint_dynamics import fit_under_counts as fit_under_counts
 from serd_core.selection.joint_dynamics import judge_joint_dynamics as judge_joint_dynamics
 from serd_core.semi_markov.dwell_likelihood import DwellPrior as DwellPrior
 from serd_core.semi_markov.models import semi_markov_problem as semi_markov_problem

@@ -12,17 +12,14 @@ import scipy.stats
 
 from lab.posterior.families import Family
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.bayes.hyperpriors import HYPERPRIORS, BaseMeasures
-from serd_core.bayes.laplace import PosteriorDraws, draws_at, interval_draws, laplace
-from serd_core.bayes.strengths import PriorByEvidence
+from serd_core.bayes.laplace import PosteriorDraws, interval_draws, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.simulation import sample_decisions, sample_timed_decisions
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.posterior.beliefs import TiedBelief
-from serd_core.posterior.coordinates import coordinates, feature_ranges
+from serd_core.posterior.coordinates import feature_ranges
 from serd_core.priors.divergence import require_outcome_models
 from serd_core.semi_markov.dwell_likelihood import WIDE, DwellPrior
 from serd_core.semi_markov.models import SemiMarkovModels
@@ -38,69 +35,57 @@ LEAST = 1e-280
 def draw_by_sweeps(
     problem: Problem, decisions: Decisions, fit: FitResult, rng: np.random.Generator
 ) -> PosteriorDraws:
-    """The last states of as many chains that have mixed, as far as chains for intervals do."""
-    draws = interval_draws(laplace(problem, decisions, fit), rng)
-    points = draws.coordinates[-N_RANKED:]
-    return draws_at(problem, coordinates(problem, TiedBelief(), fit.parameters), points)
+    """As the product draws for intervals."""
+    return interval_draws(laplace(problem, decisions, fit), rng)
 
 
 def calibration_ranks(
-    family: Family, prior: PriorByEvidence, rng: np.random.Generator, draw: Draw = draw_by_sweeps
+    family: Family, rng: np.random.Generator, draw: Draw = draw_by_sweeps
 ) -> IntArray:
     """(n,) ranks of the true weights, outcome probabilities, log means and log shapes of laws.
 
-    prior: strengths that are not given are drawn as well.
+    They are among the last states of as many chains; -1 where an interval has not mixed, so that
+    none is printed.
     """
-    problem = family.problem
-    weights, truth = drawn_truth(problem, prior, rng)
+    weights, truth = drawn_truth(family, rng)
     decisions = demonstrated(family, weights, truth, rng)
-    found = draw(problem, decisions, fit_mdce_serd(problem, decisions, prior=prior), rng)
+    drawn = draw(family.problem, decisions, fit_by_own_prior(family, decisions), rng)
+    values = numbers_of(family.problem, drawn.reward, drawn.truth)
+    true = numbers_of(family.problem, weights[None], truth[None])
+    ranks = np.sum(values[-N_RANKED:] < true, axis=0)
+    return np.where(np.isnan(drawn.interval(values)[0]), -1, ranks)
+
+
+def numbers_of(problem: Problem, reward: FloatArray, truth: FloatArray) -> FloatArray:
+    """(n, F + M K + ...) weights, outcome probabilities, log means and log shapes of laws."""
     models = require_outcome_models(problem.mdp.transitions, "calibration")
-    below = [
-        np.sum(found.reward < weights, axis=0),
-        np.sum(
-            models.local_probabilities(found.truth) < models.local_probabilities(truth), axis=0
-        ).ravel(),
-        np.sum(found.truth < truth, axis=0)[models.n_energies :],
-    ]
-    return np.concatenate(below)
+    outcomes = models.local_probabilities(truth).reshape(len(truth), -1)
+    return np.hstack([reward, outcomes, truth[:, models.n_energies :]])
 
 
-def drawn_truth(
-    problem: Problem, prior: PriorByEvidence, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """(F,) weights and (N,) parameters of the dynamics, drawn from a prior.
+def fit_by_own_prior(family: Family, decisions: Decisions) -> FitResult:
+    """The fit of one who knows the prior that weights and dynamics are drawn from."""
+    problem = family.problem
+    start = np.zeros(len(problem.feature_names))
+    return fit_mdce_serd(problem, decisions, initial_weights=start, prior=family.prior())
 
-    Strengths of weights and outcomes that it does not give are drawn too, as in
-    `serd_core.bayes.hyperpriors`.
-    """
-    assert prior.dwell_deviation is not None
-    model = problem.mdp.transitions
+
+def drawn_truth(family: Family, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """(F,) weights and (N,) parameters of the dynamics, drawn from the prior of a family."""
+    problem, model = family.problem, family.problem.mdp.transitions
     models = require_outcome_models(model, "calibration")
-    n_features, ranges = len(problem.feature_names), feature_ranges(problem)
-    scales = np.full(n_features, prior.deviation or _drawn("deviation", rng, n_features))
-    weights = scales / ranges * rng.standard_normal(n_features)
-    base = BaseMeasures.of(
-        models, prior.pseudo_count or float(_drawn("pseudo_count", rng, 1)[0]), 1
-    )
-    if prior.pseudo_count is None:
-        energies = np.log(rng.standard_gamma(1.0, base.energies.shape))
-        base = BaseMeasures(base.kind, base.log_count, energies)
-    rows = [rng.dirichlet(counts) for counts in base.pseudo_counts[0]]
-    table = np.maximum(rows, LEAST)
+    scales = family.deviations / feature_ranges(problem)
+    weights = scales * rng.standard_normal(len(problem.feature_names))
+    counts = np.ones(models.n_outcomes) * family.pseudo_counts
+    table = np.maximum(rng.dirichlet(counts, models.n_models), LEAST)
     truth = models.parameters_of(table / table.sum(axis=1, keepdims=True))
     if isinstance(model, SemiMarkovModels):
-        law = DwellPrior(prior.dwell_deviation)
+        law = DwellPrior(1.0)
         truth = np.concatenate([truth[: models.n_energies], law.mean(model)[models.n_energies :]])
         common = WIDE * rng.standard_normal()
         truth[model.means] += common + law.deviation * rng.standard_normal(model.n_laws)
         truth[model.shapes] += rng.standard_normal(model.n_laws)
     return weights, truth
-
-
-def _drawn(strength: str, rng: np.random.Generator, n: int) -> FloatArray:
-    median, spread = HYPERPRIORS[strength]
-    return np.asarray(median * np.exp(spread * rng.standard_normal(n)))
 
 
 def demonstrated(
@@ -126,7 +111,10 @@ def demonstrated(
 
 
 def uniformity(ranks: IntArray, n_draws: int = N_RANKED, n_bins: int = 8) -> FloatArray:
-    """(n,) p-value of each number's ranks by the chi-squared test in bins of equal width."""
+    """(n,) p-value of each number's ranks by the chi-squared test in bins of equal width.
+
+    -1 is no rank.
+    """
     bins = ranks * n_bins // (n_draws + 1)
-    counts = np.stack([np.bincount(column, minlength=n_bins) for column in bins.T])
-    return np.asarray(scipy.stats.chisquare(counts, axis=1).pvalue)
+    counts = [np.bincount(column[column >= 0], minlength=n_bins) for column in bins.T]
+    return np.array([scipy.stats.chisquare(each).pvalue for each in counts])

@@ -2,6 +2,7 @@
 
 | key | question | fails where |
 | --- | --- | --- |
+| joint_dynamics | do choices contradict the moves? | they do, and counts do not explain them |
 | rollouts | does the policy arrive under counted dynamics? | less often, or at other times |
 | ways | is there a way to the goal? | none from a start, or a quarter of the cells |
 | arrival_times | do drives arrive as forecast, or as the model has the driver? | they do not |
@@ -31,14 +32,13 @@ from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.chain import ArrivalByState, timed_arrival
 from serd_core.arrival.law import SAME_TIME_S, ArrivalLaw, binomial_tail, steps_within
 from serd_core.bayes.laplace import PosteriorDraws, laplace, laplace_draws, policies_under
-from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action
 from serd_core.grid.navigation import WAITING, NavigationProblem
-from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.selection.evaluation import move_log_likelihood
+from serd_core.selection.joint_dynamics import fit_under_counts
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed
 from serd_files.model_file import Check
 from serd_sim.drivers.strategy import MOST_DRAWS, STEP_S, Plan
@@ -69,7 +69,8 @@ class Criticised:
     plan: what the robot would drive. decisions: what it was learned from, up to the goal; seen:
     those with known actions, where a hidden one that moved was for the cell it led to.
     fitted: the problem on which the method learned, and draws of what it learned, None where it
-    has no posterior. policy: (S, A) the soft one of its point estimate.
+    has no posterior. policy: (S, A) the soft one of its point estimate. joint: the check of which
+    dynamics were taken, None where they were not judged.
     """
 
     plan: Plan
@@ -79,6 +80,7 @@ class Criticised:
     draws: PosteriorDraws | None
     policy: FloatArray
     traps: LearnedTraps
+    joint: Check | None = None
 
     @cached_property
     def policies(self) -> FloatArray:
@@ -112,6 +114,7 @@ def criticise(found: Criticised, rng: np.random.Generator) -> tuple[Check, ...]:
     try:
         dynamics = counted_dynamics(found, rng)
         checks = [
+            *([] if found.joint is None else [found.joint]),
             _rollouts(found, dynamics),
             _ways(found),
             _arrival_times(found),
@@ -377,12 +380,8 @@ class _RewardsAlone:
     def of(cls, found: Criticised) -> "_RewardsAlone":
         """Learn from all drives, by a prior by evidence as the model has it."""
         problem, seen = found.problem, found.seen
-        parameters = estimate_dynamics(problem, seen)
-        fit = fit_mdce_irl_by_likelihood(
-            problem, seen, initial_weights=np.zeros(len(problem.feature_names)),
-            dynamics=parameters, prior=PriorByEvidence(),
-        )  # fmt: skip
-        draws = laplace_draws(laplace(problem, seen, fit), np.random.default_rng(0))
+        posterior = laplace(problem, seen, fit_under_counts(problem, seen))
+        draws = laplace_draws(posterior, np.random.default_rng(0))
         policies = _policies_of(problem, draws)
         return cls(policies, np.log(policies[:, seen.state, seen.action]))
 

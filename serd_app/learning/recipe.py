@@ -8,6 +8,7 @@ times also differ by place is decided by episodes that were left out.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -35,7 +36,9 @@ from serd_core.grid.grid import Grid, Outcome
 from serd_core.grid.navigation import WAITING, NavigationProblem, with_dwell_times
 from serd_core.learners.fit_result import FitResult
 from serd_core.policies.solved_policy import optimal_policy
+from serd_core.posterior.beliefs import TiedBelief
 from serd_core.selection.evaluation import fitted_policy
+from serd_core.selection.joint_dynamics import judge_joint_dynamics
 from serd_core.semi_markov.models import SemiMarkovModels, require_timed, semi_markov_problem
 from serd_core.semi_markov.place import LEAST_EPISODES, PLACES, compare_places, fit_places
 from serd_files.model_file import Check, FeatureRecord, LearnedDynamics, model_of_fit
@@ -99,9 +102,8 @@ def learn(
     rng = np.random.default_rng(settings.seed)
     problem = _problem_of(shared, settings.method, every)
     data = fit_data(problem, every, settings, rng, warm_weights, on_progress)
-    found = fit_by(settings.method, data)
-    posterior = posterior_of(problem, every, found.fit)
-    draws = None if posterior is None else laplace_draws(posterior, rng)
+    learned = _judged(problem, every, fit_by(settings.method, data), rng)
+    found, posterior, draws = learned.found, learned.posterior, learned.draws
     fit = with_still_waits(found.fit) if every.hidden.any() else found.fit
     dynamics, durations = dynamics_of(shared, every, fit, draws)
     n_states = task.problem.mdp.n_states
@@ -116,7 +118,7 @@ def learn(
     )
     plan = plan_of(paced, fit, driven, task.timeout_s)
     known = {
-        "checks": _checks(task, decisions, settings, (found, draws), plan, traps),
+        "checks": _checks(task, decisions, settings, learned, plan, traps),
         "features": features_of(task, found.fit.feature_names),
     }
     return FitOutcome(
@@ -133,6 +135,45 @@ def learn(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Learned:
+    """A fit, its posterior and draws, None where it has none; joint: which dynamics were taken."""
+
+    found: MethodResult
+    posterior: Laplace | None = None
+    draws: PosteriorDraws | None = None
+    joint: Check | None = None
+
+
+def _judged(
+    problem: NavigationProblem,
+    decisions: TimedDecisions,
+    found: MethodResult,
+    rng: np.random.Generator,
+) -> _Learned:
+    """Take the joint dynamics of a fit, or counted ones where choices contradict the moves."""
+    posterior = posterior_of(problem, decisions, found.fit)
+    if posterior is None:
+        return _Learned(found)
+    draws = laplace_draws(posterior, rng)
+    is_tied = isinstance(posterior.coordinates.belief, TiedBelief)
+    if not is_tied or decisions.hidden.any():
+        return _Learned(found, posterior, draws)
+    judged = judge_joint_dynamics(posterior, decisions, rng, draws)
+    mark: Literal["holds", "fails"] = "fails" if judged.chosen == "neither" else "holds"
+    check = Check(key="joint_dynamics", mark=mark, sentence=judged.sentence)
+    if judged.chosen == "joint":
+        return _Learned(found, posterior, draws, check)
+    prior = f"{found.prior}; dynamics counted from the moves alone"
+    posterior, moves = judged.posterior_of_counted, judged.moves
+    draws = laplace_draws(posterior, rng)
+    rows = slice(len(draws))  # rewards and dynamics are independent of each other here
+    draws = replace(
+        draws, truth=moves.truth[rows], outcome_probabilities=moves.outcome_probabilities[rows]
+    )
+    return _Learned(MethodResult(judged.counted, prior), posterior, draws, check)
+
+
 def _known(problem: NavigationProblem, posterior: Laplace, n_states: int) -> Knowledge | None:
     """What the fit knows; the gains are those of demonstrations to the first goal."""
     found = knowledge_of(problem, posterior)
@@ -143,21 +184,21 @@ def _checks(
     task: LearningTask,
     decisions: TimedDecisions,
     settings: LearningSettings,
-    fitted: tuple[MethodResult, PosteriorDraws | None],
+    learned: _Learned,
     plan: Plan,
     traps: LearnedTraps,
 ) -> tuple[Check, ...]:
-    """Whether the data support the plan, by the drives to its goal; fitted: what was found."""
-    found, draws = fitted
+    """Whether the data support the plan, by the drives to its goal."""
     problem = _problem_of(task.problem, settings.method, decisions)
     tested = Criticised(
         plan,
         decisions,
         with_moves_as_actions(task.problem.grid, decisions),
         problem,
-        draws,
-        fitted_policy(problem, found.fit),
+        learned.draws,
+        fitted_policy(problem, learned.found.fit),
         traps,
+        learned.joint,
     )
     return criticise(tested, np.random.default_rng(settings.seed))
 

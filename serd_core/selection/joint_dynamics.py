@@ -20,14 +20,21 @@ import numpy as np
 
 from serd_core.arrays import FloatArray, floored
 from serd_core.ascent.trust_region import NewtonAscent
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace, laplace_at, laplace_draws
+from serd_core.bayes.laplace import (
+    Laplace,
+    PosteriorDraws,
+    laplace,
+    laplace_at,
+    laplace_draws,
+    require_laplace,
+)
 from serd_core.bayes.strengths import PriorByEvidence, strengths_of
 from serd_core.checks import require_generator
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import Observations
 from serd_core.dynamics.estimation import estimate_dynamics, outcome_sets
 from serd_core.errors import SerdError
-from serd_core.learners.fit_result import FitResult, require_fit
+from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.mdp.problem import Problem
 from serd_core.posterior.beliefs import TiedBelief
@@ -50,7 +57,8 @@ class JointDynamics:
     cost_nats: of choices to moves; lead_nats: log evidence of the joint fit less that of moves and,
     given counted dynamics, of choices. action_nats, uniform_nats: per action, log evidence of the
     choices under counted dynamics, which is that of each action given those before it, and of
-    random choices. counted: the fit of rewards under counted dynamics, with a prior by evidence.
+    random choices. counted: the fit of rewards under counted dynamics, and its posterior. moves:
+    64 draws of the dynamics given the moves alone.
     """
 
     cost_nats: float
@@ -58,6 +66,8 @@ class JointDynamics:
     action_nats: float
     uniform_nats: float
     counted: FitResult
+    posterior_of_counted: Laplace
+    moves: PosteriorDraws
 
     @property
     def chosen(self) -> Literal["joint", "counted", "neither"]:
@@ -90,50 +100,59 @@ class JointDynamics:
 
 
 def judge_joint_dynamics(
-    problem: Problem,
+    found: Laplace,
     decisions: Decisions,
-    fit: FitResult,
     rng: np.random.Generator,
     draws: PosteriorDraws | None = None,
 ) -> JointDynamics:
-    """Judge the dynamics of a fit by evidence whose belief is the truth.
+    """Judge the dynamics of a fit whose belief is the truth, by what choices cost its moves.
 
-    draws: of its posterior, taken here unless given. SerdError for other beliefs: where these are
-    stated to be apart from the truth, choices may contradict moves. It takes one fit of rewards.
+    found: `laplace` of that fit, by evidence; draws: of it, taken here unless given. SerdError for
+    other beliefs: where these are stated to be apart from the truth, choices may contradict moves.
+    It takes one fit of rewards.
 
-        found = sc.judge_joint_dynamics(problem, decisions, fit, np.random.default_rng(0))
-        print(found.chosen, found.sentence)
+        posterior = sc.laplace(problem, decisions, fit)
+        judged = sc.judge_joint_dynamics(posterior, decisions, np.random.default_rng(0))
+        print(judged.chosen, judged.sentence)
     """
-    require_fit(fit)
+    require_laplace(found)
     require_generator(rng)
-    if not isinstance(fit.assumed.belief, TiedBelief) or decisions.hidden.any():
+    problem, belief = found.problem, found.coordinates.belief
+    if not isinstance(belief, TiedBelief) or decisions.hidden.any():
         raise SerdError(
-            "fit must have a TiedBelief and decisions with known actions, as other fits do not take"
-            f" choices for moves, got {type(fit.assumed.belief).__name__} and"
+            "found must have a TiedBelief and decisions with known actions, as other fits do not"
+            f" take choices for moves, got {type(belief).__name__} and"
             f" {int(decisions.hidden.sum())} hidden actions; leave the test out"
         )
-    joint = laplace(problem, decisions, fit)
-    moves = _moves_alone(joint)
+    moves = _moves_alone(found)
     drawn = laplace_draws(moves, rng, N_DRAWS)
-    draws = laplace_draws(joint, rng, N_DRAWS) if draws is None else draws
+    draws = laplace_draws(found, rng, N_DRAWS) if draws is None else draws
     seen = moves.posterior.observations
-    likelihoods = (_of_moves(problem, seen, each.truth).mean() for each in (drawn, draws))
-    counted = _counted_fit(problem, decisions, fit)
-    of_choices = laplace(problem, decisions, counted).log_evidence - counted.dynamics_log_likelihood
+    of_moves, of_both = (_of_moves(problem, seen, each.truth).mean() for each in (drawn, draws))
+    count = strengths_of(found.posterior.prior, problem).get("pseudo_count", 1.0)
+    counted = fit_under_counts(problem, decisions, count)
+    of_counted = laplace(problem, decisions, counted)
+    of_choices = of_counted.log_evidence - counted.dynamics_log_likelihood
     n_available = problem.mdp.available.sum(axis=1)[decisions.state]
     return JointDynamics(
-        cost_nats=float(next(likelihoods) - next(likelihoods)),
-        lead_nats=joint.log_evidence - moves.log_evidence - of_choices,
+        cost_nats=float(of_moves - of_both),
+        lead_nats=found.log_evidence - moves.log_evidence - of_choices,
         action_nats=of_choices / len(decisions),
         uniform_nats=-float(np.log(n_available).mean()),
         counted=counted,
+        posterior_of_counted=of_counted,
+        moves=drawn,
     )
 
 
-def _counted_fit(problem: Problem, decisions: Decisions, fit: FitResult) -> FitResult:
-    """Rewards under counted dynamics, whose pseudo-count is that of the fit."""
-    count = strengths_of(fit.assumed.prior, problem).get("pseudo_count", 1.0)
-    dynamics = estimate_dynamics(problem, decisions, count)
+def fit_under_counts(
+    problem: Problem, decisions: Decisions, pseudo_count: float = 1.0
+) -> FitResult:
+    """Fit rewards by evidence under counted dynamics: the same prior as SERD's, without the joint.
+
+    fit = sc.fit_under_counts(problem, decisions)
+    """
+    dynamics = estimate_dynamics(problem, decisions, pseudo_count)
     return fit_mdce_irl_by_likelihood(
         problem, decisions, dynamics=dynamics, prior=PriorByEvidence()
     )

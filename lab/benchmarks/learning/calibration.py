@@ -3,8 +3,9 @@
     python -m lab calibration
     python -m lab calibration --data-sets 50
 
-It goes on where it was stopped. The prior's strengths are 2 nats and 1 pseudo-count. A family is
-rejected where the least p-value of its n numbers is below 0.05 / n.
+It goes on where it was stopped. The prior of a fit is that of its family. A family is rejected
+where the least p-value of its n numbers is below 0.05 / n. Intervals that have not mixed have no
+rank.
 """
 
 from typing import Annotated
@@ -15,11 +16,9 @@ import typer
 from lab.benchmarks.report import measured_rows, save
 from lab.posterior.calibration import calibration_ranks, uniformity
 from lab.posterior.families import FAMILIES
-from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.errors import SerdError
 
 N_DATA_SETS = 500
-PRIOR = PriorByEvidence(deviation=2.0, pseudo_count=1.0)
 DataSets = Annotated[int, typer.Option("--data-sets", help="data sets per kind of world")]
 
 
@@ -34,11 +33,13 @@ def run(n_data_sets: DataSets = N_DATA_SETS) -> None:
     rows = []
     for family in FAMILIES:
         found = [row for row in measured if row["family"] == family]
-        p_values = uniformity(np.array([row["ranks"] for row in found if row["ranks"]]))
+        ranks = np.array([row["ranks"] for row in found if row["ranks"]])
+        p_values = uniformity(ranks)
         failures = sorted({row["failure"] for row in found} - {""})
         rows.append(
             {"family": family, "data sets": len(found), "numbers": len(p_values)}
             | {"not drawn": sum(not row["ranks"] for row in found)}
+            | {"not mixed": float((ranks < 0).mean())}
             | {"least p": float(p_values.min()), "level": 0.05 / len(p_values)}
             | {"why not drawn": "; ".join(failures)[:200]}
         )
@@ -49,7 +50,7 @@ def measure(family: str, data_set: int) -> dict[str, object]:
     """Ranks of the truth in one data set; none, and why, where there is no posterior to draw."""
     rng = np.random.default_rng([1, data_set])
     try:
-        ranks = calibration_ranks(FAMILIES[family](), PRIOR, rng)
+        ranks = calibration_ranks(FAMILIES[family](), rng)
     except SerdError as error:
         return {"ranks": [], "failure": str(error)}
     return {"ranks": ranks.tolist(), "failure": ""}

@@ -3,9 +3,9 @@
     python -m lab joint-dynamics
     python -m lab joint-dynamics --worlds 10
 
-It goes on where it was stopped. In the worlds of `lab.posterior.families`, whose weights and
-dynamics are drawn from a prior of 2 nats and 1 pseudo-count, an expert believes in the truth
-(alarms are false) or in other dynamics, drawn from the same prior.
+It goes on where it was stopped. An expert believes in the truth (alarms are false) or in other
+dynamics, drawn from the same prior. The threshold of the rule was fixed on `FAMILIES`. `FRESH` was
+written after it: there the strengths are drawn too, 1 to 4 nats and a half to 2 pseudo-counts.
 """
 
 from dataclasses import replace
@@ -16,15 +16,18 @@ import typer
 
 from lab.benchmarks.report import measured_rows, save
 from lab.posterior.calibration import demonstrated, drawn_truth
-from lab.posterior.families import FAMILIES
-from serd_core.bayes.strengths import PriorByEvidence
+from lab.posterior.families import FAMILIES, FRESH
+from serd_core.bayes.laplace import laplace, laplace_draws, posterior_policy
 from serd_core.errors import SerdError
 from serd_core.learners.serd import fit_mdce_serd
-from serd_core.selection.joint_dynamics import judge_joint_dynamics
+from serd_core.selection.evaluation import fitted_policy
+from serd_core.selection.joint_dynamics import N_DRAWS, judge_joint_dynamics
 
 SIZES = (6, 30)
+#: Episodes whose choices policies are scored on.
+HELD_OUT = 200
+EVERY = FAMILIES | FRESH
 EXPERTS = ("believes the truth", "believes other dynamics")
-PRIOR = PriorByEvidence(deviation=2.0, pseudo_count=1.0)
 Worlds = Annotated[int, typer.Option("--worlds", help="worlds per kind, size and expert")]
 
 
@@ -33,12 +36,13 @@ def run(n_worlds: Worlds = 30) -> None:
     cases = [
         {"family": family, "demonstrations": size, "expert": expert, "world": number}
         for number in range(n_worlds)
-        for family in FAMILIES
+        for family in EVERY
         for size in SIZES
         for expert in EXPERTS
     ]
     measured, rows = measured_rows("joint_dynamics", cases, measure), []
-    for family in (*FAMILIES, "all"):
+    groups = {"fixed on": tuple(FAMILIES), "fresh": tuple(FRESH)}
+    for family, members in ({each: (each,) for each in EVERY} | groups).items():
         for size in SIZES:
             row: dict[str, object] = {"family": family, "demonstrations": size}
             for expert in EXPERTS:
@@ -47,7 +51,7 @@ def run(n_worlds: Worlds = 30) -> None:
                     for each in measured
                     if each["expert"] == expert
                     and each["demonstrations"] == size
-                    and family in (each["family"], "all")
+                    and each["family"] in members
                     and not each["failure"]
                 ]
                 row[f"{expert}: worlds"] = len(here)
@@ -62,22 +66,32 @@ def run(n_worlds: Worlds = 30) -> None:
 
 def measure(family: str, demonstrations: int, expert: str, world: int) -> dict[str, object]:
     """The verdict in one world."""
-    seeds = [sorted(FAMILIES).index(family), demonstrations, EXPERTS.index(expert), world, 7]
+    seeds = [sorted(EVERY).index(family), demonstrations, EXPERTS.index(expert), world, 7]
     rng = np.random.default_rng(seeds)
-    place = replace(FAMILIES[family](), n_episodes=demonstrations)
-    weights, truth = drawn_truth(place.problem, PRIOR, rng)
-    other = drawn_truth(place.problem, PRIOR, rng)[1]
+    place = replace(EVERY[family](), n_episodes=demonstrations)
+    if family in FRESH:
+        deviation, count = np.exp(rng.uniform(np.log([1.0, 0.5]), np.log([4.0, 2.0]))).tolist()
+        place = replace(place, deviations=deviation, pseudo_counts=count)
+    weights, truth = drawn_truth(place, rng)
+    other = drawn_truth(place, rng)[1]
     belief = None if expert == EXPERTS[0] else other
     decisions = demonstrated(place, weights, truth, rng, belief)
+    held_out = demonstrated(replace(place, n_episodes=HELD_OUT), weights, truth, rng, belief)
     try:
         fit = fit_mdce_serd(place.problem, decisions)
-        found = judge_joint_dynamics(place.problem, decisions, fit, rng)
+        posterior = laplace(place.problem, decisions, fit)
+        draws = laplace_draws(posterior, rng, N_DRAWS)
+        found = judge_joint_dynamics(posterior, decisions, rng, draws)
     except SerdError as error:
         return {"failure": str(error)}
-    return {
-        "failure": "",
-        "chosen": found.chosen,
-        "point": found.point,
-        "lead": found.lead_nats,
-        "cost": found.cost_nats,
+    policies = {
+        "mode": fitted_policy(place.problem, fit),
+        "counted": fitted_policy(place.problem, found.counted),
+        "average": posterior_policy(place.problem, draws),
     }
+    likely = {
+        f"held out, {name}": float(np.log(policy[held_out.state, held_out.action]).mean())
+        for name, policy in policies.items()
+    }
+    verdict = {"chosen": found.chosen, "point": found.point}
+    return {"failure": "", "lead": found.lead_nats, "cost": found.cost_nats} | verdict | likely

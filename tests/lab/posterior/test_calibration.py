@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.benchmarks.learning.calibration import PRIOR
 from lab.posterior.calibration import calibration_ranks, draw_by_sweeps, uniformity
 from lab.posterior.families import FAMILIES
 
@@ -21,7 +20,7 @@ def half_as_wide(problem, decisions, fit, rng):
 @pytest.mark.parametrize(("draw", "passes"), [(draw_by_sweeps, True), (half_as_wide, False)])
 def test_ranks_of_the_truth_are_uniform_and_show_a_posterior_that_is_too_narrow(draw, passes):
     family, rng = FAMILIES["random MDP"](), np.random.default_rng(1)
-    ranks = np.array([calibration_ranks(family, PRIOR, rng, draw) for _ in range(48)])
+    ranks = np.array([calibration_ranks(family, rng, draw) for _ in range(48)])
     assert ranks.shape == (48, 7)
     # Bonferroni's level for seven numbers.
     assert bool(uniformity(ranks, n_bins=4).min() > 0.05 / 7) == passes
@@ -30,7 +29,7 @@ def test_ranks_of_the_truth_are_uniform_and_show_a_posterior_that_is_too_narrow(
 @pytest.mark.parametrize("family", FAMILIES)
 def test_each_kind_of_world_ranks_all_its_numbers(family):
     world = FAMILIES[family]()
-    ranks = calibration_ranks(world, PRIOR, np.random.default_rng(0))
+    ranks = calibration_ranks(world, np.random.default_rng(0))
     n = len(world.problem.feature_names) + world.problem.mdp.transitions.n_parameters
     assert ranks.shape == (n,)
     assert np.all((ranks >= 0) & (ranks <= 63))

@@ -18,6 +18,7 @@ from serd_app.learning.outcome import learned_traps
 from serd_app.learning.recipe import learn, plan_of
 from serd_app.learning.settings import LearningSettings
 from serd_core.bayes.laplace import laplace, laplace_draws
+from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import optimal_policy, soft_policy
 from serd_core.selection.evaluation import move_log_likelihood
@@ -33,7 +34,7 @@ from tests.serd_app.learning.test_durations import (
     demonstrations,
 )
 
-KEYS = {"rollouts", "ways", "arrival_times", "outcomes", "held_out_moves"}
+KEYS = {"joint_dynamics", "rollouts", "ways", "arrival_times", "outcomes", "held_out_moves"}
 DRIVES = demonstrations(12)
 
 
@@ -65,6 +66,23 @@ def test_all_checks_of_a_right_model_hold_and_its_file_carries_them():
     assert {each.key for each in checks} == KEYS
     assert {each.mark for each in checks} == {"holds"}, checks
     assert all("\n" not in each.sentence for each in checks)
+
+
+def test_choices_that_contradict_the_moves_leave_dynamics_to_the_counts():
+    swapped = TABLE.copy()
+    swapped[[0, 1]] = swapped[0, [0, 4, 2, 3, 1]], np.roll(swapped[1], 2)
+    believed = MODEL.parameters_from(swapped, [1.0, 2.5, 1.4], 5.0)
+    drives = demonstrations(20, believed=believed)
+    outcome = learn(TASK, drives, LearningSettings(discount=0.97))
+    (check,) = (each for each in outcome.model.checks if each.key == "joint_dynamics")
+    assert check.sentence.startswith(("dynamics are counted", "no reward is claimed"))
+    assert check.mark == ("holds" if check.sentence.startswith("dynamics") else "fails")
+    assert "counted from the moves alone" in outcome.model.prior
+    counts = estimate_dynamics(PROBLEM, drives)
+    table = MODEL.outcomes.local_probabilities(counts[: MODEL.outcomes.n_energies])
+    np.testing.assert_allclose(outcome.model.outcome_probabilities, table, atol=0.1)
+    # What moves leave open stays open.
+    assert np.std(outcome.model.draws.learned, axis=0)[0].max() > 0.0
 
 
 def test_fewer_than_three_drives_support_the_counts_alone():

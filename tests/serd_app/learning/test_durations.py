@@ -46,10 +46,10 @@ TASK = LearningTask(PROBLEM, "")
 WEIGHTS = np.array([3.0, 0.2, 0.0])
 
 
-def demonstrations(n_episodes, seed=0, log_pace=None):
+def demonstrations(n_episodes, seed=0, log_pace=None, believed=TRUTH):
     """Decisions of an expert who starts in the southern row."""
     problem = semi_markov_problem(PROBLEM, log_pace=log_pace)
-    table = problem.mdp.transitions.local_probabilities(TRUTH)
+    table = problem.mdp.transitions.local_probabilities(believed)
     starts = np.zeros(GRID.n_states)
     starts[:3] = 1 / 3
     return sample_timed_decisions(

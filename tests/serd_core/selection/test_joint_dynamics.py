@@ -31,7 +31,7 @@ def judged(believed, n_episodes=80, seed=0):
     policy = sc.soft_policy(problem, np.array([3.0]), believed).probabilities
     decisions = sampled(problem, policy, TRUTH, n_episodes, 8, seed)
     fit = sc.fit_mdce_serd(problem, decisions)
-    return sc.judge_joint_dynamics(problem, decisions, fit, RNG(seed))
+    return sc.judge_joint_dynamics(sc.laplace(problem, decisions, fit), decisions, RNG(seed))
 
 
 def test_experts_who_believe_the_truth_raise_no_alarm_and_wrong_ones_do():
@@ -52,9 +52,10 @@ def test_choices_of_experts_who_believe_the_truth_cost_nothing_on_average():
     given, family, costs = sc.PriorByEvidence(2.0, 1.0), FAMILIES["random MDP"](), []
     for seed in range(40):
         rng = RNG([5, seed])
-        decisions = demonstrated(family, *drawn_truth(family.problem, given, rng), rng)
+        decisions = demonstrated(family, *drawn_truth(family, rng), rng)
         fit = sc.fit_mdce_serd(family.problem, decisions, prior=given)
-        costs.append(sc.judge_joint_dynamics(family.problem, decisions, fit, rng).cost_nats)
+        posterior = sc.laplace(family.problem, decisions, fit)
+        costs.append(sc.judge_joint_dynamics(posterior, decisions, rng).cost_nats)
     assert abs(np.mean(costs)) < 3.0 * np.std(costs) / np.sqrt(len(costs))
 
 
@@ -67,21 +68,19 @@ def test_without_choices_the_evidence_of_both_is_that_of_the_counts():
     decisions = apart(0, 0, np.repeat([0, 1], [9, 3]))
     given = sc.PriorByEvidence(pseudo_count=1.5)
     fit = sc.fit_mdce_serd(problem, decisions, prior=given)
-    found = sc.judge_joint_dynamics(problem, decisions, fit, RNG(0))
+    posterior = sc.laplace(problem, decisions, fit)
+    found = sc.judge_joint_dynamics(posterior, decisions, RNG(0))
     assert found.lead_nats == pytest.approx(0.0, abs=0.01)
     assert found.cost_nats == pytest.approx(0.0, abs=0.5)
     assert found.action_nats == pytest.approx(found.uniform_nats, abs=1e-6)
     assert found.chosen == "joint"
-    evidence = sc.laplace(problem, decisions, fit).log_evidence
     exact = scipy.special.betaln(10.5, 4.5) - scipy.special.betaln(1.5, 1.5)
-    assert evidence == pytest.approx(exact, abs=0.01)
+    assert posterior.log_evidence == pytest.approx(exact, abs=0.01)
 
 
 def test_beliefs_apart_and_hidden_actions_are_exempt():
     problem = ring()
     decisions = sampled(problem, np.full((8, 2), 0.5), TRUTH, 5, 8)
-    fit = sc.fit_mdce_irl_by_likelihood(
-        problem, decisions, dynamics=TRUTH, prior=sc.PriorByEvidence()
-    )
+    posterior = sc.laplace(problem, decisions, sc.fit_under_counts(problem, decisions))
     with pytest.raises(sc.SerdError, match=r"must have a TiedBelief .* got FixedBelief and 0 hidd"):
-        sc.judge_joint_dynamics(problem, decisions, fit, RNG(0))
+        sc.judge_joint_dynamics(posterior, decisions, RNG(0))
