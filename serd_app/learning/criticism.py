@@ -1,4 +1,4 @@
-"""Whether the data support what a model claims: six checks between the fit and the headline.
+"""Whether the data support what a model claims: seven checks between the fit and the headline.
 
 | key | question | fails where |
 | --- | --- | --- |
@@ -241,17 +241,17 @@ def _arrival_times(found: Criticised) -> Check:
     low_s, high_s = (seconds_in_words(float(each(recorded.times_s))) for each in (np.min, np.max))
     span = f"after {low_s}" if low_s == high_s else f"after {low_s} to {high_s}"
     sentence = (
-        f"{int((~outside).sum())} of {counted(n, 'recorded drive')}, which arrived {span},"
-        f" {'are' if n > 1 else 'is'} within the 90 % band of the forecast, and"
-        f" {int(recorded.early.sum())} before half are predicted to arrive"
+        f"{int(recorded.early.sum())} of {counted(n, 'recorded drive')}, which arrived {span}, did"
+        f" so before half are predicted to, {int((~outside).sum())} within the 90 % band of the"
+        " forecast"
     )
     fails = recorded.contradict
     if fails:  # a soft expert takes longer than the robot, which the model may know
         beside = _times_of_demonstrator(found, arriving)
         fails = beside.contradict
         sentence += (
-            f"; by the forecast for a driver as the model has it {int((~beside.outside).sum())} and"
-            f" {int(beside.early.sum())}"
+            f"; for a driver as the model has it {int(beside.early.sum())} and"
+            f" {int((~beside.outside).sum())}"
         )
     return Check(key="arrival_times", mark="fails" if fails else "holds", sentence=sentence)
 

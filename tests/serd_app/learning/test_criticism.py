@@ -34,7 +34,15 @@ from tests.serd_app.learning.test_durations import (
     demonstrations,
 )
 
-KEYS = {"joint_dynamics", "rollouts", "ways", "arrival_times", "outcomes", "held_out_moves"}
+KEYS = {
+    "joint_dynamics",
+    "rollouts",
+    "ways",
+    "arrival_times",
+    "outcomes",
+    "dwell_times",
+    "held_out_moves",
+}
 DRIVES = demonstrations(12)
 
 
