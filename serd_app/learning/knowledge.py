@@ -92,6 +92,41 @@ class WeightRow:
 
 
 @dataclass(frozen=True)
+class DynamicsRow:
+    """The probability of one outcome by the moves alone, and by moves and choices together.
+
+    Each is a median with the ends of the interval that holds `MASS`.
+    """
+
+    model: str
+    outcome: str
+    counted_lower: float
+    counted: float
+    counted_upper: float
+    joint_lower: float
+    joint: float
+    joint_upper: float
+
+
+def dynamics_rows(
+    problem: NavigationProblem, counted: PosteriorDraws, joint: PosteriorDraws
+) -> tuple[DynamicsRow, ...]:
+    """Both dynamics of all outcomes, by model, from draws of their posteriors."""
+    models = problem.outcome_models
+    shares = 0.5 + np.array([-0.5, 0.0, 0.5]) * MASS
+    columns = [
+        np.quantile(models.local_probabilities(each.truth[:, : models.n_energies]), shares, axis=0)
+        for each in (counted, joint)
+    ]
+    table = np.concatenate(columns).transpose(1, 2, 0)
+    return tuple(
+        DynamicsRow(model, outcome.name.lower(), *table[m, outcome].tolist())
+        for m, model in enumerate(problem.model_names)
+        for outcome in Outcome
+    )
+
+
+@dataclass(frozen=True)
 class GainRow:
     """What a demonstration that starts in a cell is expected to add."""
 
@@ -283,6 +318,12 @@ def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
         )
     durations = read_rows(files["durations"], DurationRow)
     return Knowledge(outcomes, gains, durations, read_rows(files["weights"], WeightRow))
+
+
+def both_dynamics(files: Mapping[str, Path]) -> tuple[DynamicsRow, ...]:
+    """The rows beside a model; none where its dynamics were not compared."""
+    path = files["dynamics"]
+    return read_rows(path, DynamicsRow) if path.exists() else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ The page is one HTML file with embedded pictures and without resources from outs
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import Summary, headline_of, known_decisions, span_in_words, summary_of
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
+from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.demonstrations.decisions import state_counts
 
 _OWN_FILES: tuple[FileLink, ...] = (
@@ -124,7 +125,52 @@ def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, b
         links=inputs.files + _OWN_FILES,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
+        outcome_rows=outcome_rows(inputs, summary),
+        dynamics_taken=_sentence_of(summary, "joint_dynamics"),
     )
+
+
+def _sentence_of(summary: Summary, key: str) -> str:
+    return next((each["sentence"] for each in summary["checks"] if each["key"] == key), "")
+
+
+@dataclass(frozen=True)
+class OutcomeTexts:
+    """One outcome in the table of the page: both probabilities, with intervals where known."""
+
+    model: str
+    outcome: str
+    counted: str
+    joint: str
+    known_from: str
+
+
+def outcome_rows(inputs: ReportInputs, summary: Summary) -> Iterator[OutcomeTexts]:
+    """Counted dynamics beside those that were learned with rewards, and what they are known from.
+
+    Fits that were not compared have no interval of counts.
+    """
+    problem, known = inputs.strategy.problem, inputs.knowledge
+    both = {(row.model, row.outcome): row for row in inputs.both}
+    for model in (problem.model_names[m] for m in problem.used_models):
+        source = "moves" if summary["decisions_per_model"][model] else PRIOR_ONLY
+        for k, outcome in enumerate(OUTCOME_LABELS):
+            counted_text = f"{summary['initial_outcome_probabilities'][model][k]:.3f}"
+            learned = f"{summary['outcome_probabilities'][model][k]:.3f}"
+            if known is not None:
+                row = known.by_model[model][k]
+                source, learned = (
+                    row.outcome_known_from,
+                    _percents(row.lower, row.median, row.upper),
+                )
+            if found := both.get((model, outcome)):
+                counted_text = _percents(found.counted_lower, found.counted, found.counted_upper)
+                learned = _percents(found.joint_lower, found.joint, found.joint_upper)
+            yield OutcomeTexts(model, outcome, counted_text, learned, source)
+
+
+def _percents(lower: float, median: float, upper: float) -> str:
+    return spanned(100 * lower, 100 * median, 100 * upper, ".1f", " %")
 
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
