@@ -90,7 +90,9 @@ def test_choices_that_contradict_the_moves_leave_dynamics_to_the_counts():
     table = MODEL.outcomes.local_probabilities(counts[: MODEL.outcomes.n_energies])
     np.testing.assert_allclose(outcome.model.outcome_probabilities, table, atol=0.1)
     shown = np.array([row.counted for row in outcome.both]).reshape(table.shape)
-    np.testing.assert_allclose(shown[:3], table[:3], atol=0.1)
+    used = PROBLEM.outcome_models.model_of[drives.state, drives.action]
+    well_known = np.bincount(used, minlength=len(table)) >= 20
+    np.testing.assert_allclose(shown[well_known], table[well_known], atol=0.1)
     assert all(row.joint_lower < row.joint < row.joint_upper for row in outcome.both)
     # What moves leave open stays open.
     assert np.std(outcome.model.draws.learned, axis=0)[0].max() > 0.0
