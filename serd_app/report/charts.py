@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from serd_app.learning.knowledge import MASS, Knowledge, OutcomeRow
+from serd_app.learning.knowledge import MASS, DynamicsRow, Knowledge, OutcomeRow
 from serd_app.report import style
 from serd_app.report.inputs import in_words
 from serd_app.report.style import Look, draw_bars, new_figure
@@ -165,6 +165,9 @@ def _draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
 OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
 _BAR_WIDTH = 0.38
 _PLACES = np.arange(len(OUTCOME_LABELS))
+_HATCHED: Look = {
+    "color": style.INITIAL_COLOUR, "hatch": "////", "edgecolor": "white", "linewidth": 0,
+}  # fmt: skip
 #: Of the legend below the panels.
 _LEGEND_WIDTH_IN = 6.0
 
@@ -175,10 +178,12 @@ def draw_outcomes(
     learned: FloatArray,
     decisions_per_model: IntArray,
     knowledge: Knowledge | None = None,
+    both: Sequence[DynamicsRow] = (),
 ) -> Figure:
     """One panel per model: probability of each outcome, initial (M, K) and learned (M, K).
 
-    knowledge: the posterior, whose intervals and sources are drawn; None for none.
+    knowledge: the posterior, whose intervals and sources are drawn; None for none. both: rows of
+    each model, which are drawn in place of the two.
     """
     with style.report_style():
         figure = new_figure(max(2.35 * len(model_names), _LEGEND_WIDTH_IN), 2.9)
@@ -188,7 +193,11 @@ def draw_outcomes(
             decided = counted(int(decisions_per_model[i]), "decision")
             if rows:
                 decided += f"\nknown from: {rows[0].known_from}"
-            _draw_model(axes, initial[i], learned[i], rows)
+            two = [each for each in both if each.model == model_names[i]]
+            if two:
+                _draw_both(axes, two)
+            else:
+                _draw_model(axes, initial[i], learned[i], rows)
             pad = 28 if rows else 16
             axes.set_title(in_words(model_names[i]), loc="left", pad=pad, parse_math=False)
             axes.text(0, 1.02, decided, transform=axes.transAxes, fontsize=8, color=style.MUTED)
@@ -202,19 +211,38 @@ def _draw_model(
     axes: Axes, initial: FloatArray, learned: FloatArray, rows: Sequence[OutcomeRow]
 ) -> None:
     """The bars, over those learned the interval, and their number above both."""
-    counts: Look = {"color": style.INITIAL_COLOUR, "hatch": "////", "edgecolor": "white"}
-    counts |= {"linewidth": 0, "label": "initial (M-estimate)"}
-    axes.bar(_PLACES - _BAR_WIDTH / 2, initial, _BAR_WIDTH, **counts)
+    label = "initial (M-estimate)"
+    axes.bar(_PLACES - _BAR_WIDTH / 2, initial, _BAR_WIDTH, label=label, **_HATCHED)
     strength = 0.3 if rows and rows[0].known_from == PRIOR_ONLY else 1.0
     look: Look = {"color": style.BLUE, "alpha": strength, "label": "learned (SERD)"}
     axes.bar(_PLACES + _BAR_WIDTH / 2, learned, _BAR_WIDTH, **look)
     tops = learned
     if rows:
         ends = np.array([(row.lower, row.median, row.upper) for row in rows]).T
-        whiskers: Look = {"fmt": "_", "markersize": 7, "elinewidth": 1.0, "capsize": 2.5}
-        whiskers |= {"label": f"posterior: median, {100 * MASS:.0f} % interval"}
-        draw_bars(axes, _PLACES + _BAR_WIDTH / 2, ends, color=style.INK, **whiskers)
+        _draw_interval(axes, _PLACES + _BAR_WIDTH / 2, ends)
         tops = np.maximum(learned, ends[-1])
+    _frame_outcomes(axes, learned, tops)
+
+
+def _draw_both(axes: Axes, rows: Sequence[DynamicsRow]) -> None:
+    """Counted outcomes beside those with the reward's help, both with their intervals."""
+    counted = np.array([(row.counted_lower, row.counted, row.counted_upper) for row in rows]).T
+    joint = np.array([(row.joint_lower, row.joint, row.joint_upper) for row in rows]).T
+    left, right = _PLACES - _BAR_WIDTH / 2, _PLACES + _BAR_WIDTH / 2
+    axes.bar(left, counted[1], _BAR_WIDTH, label="counted", **_HATCHED)
+    axes.bar(right, joint[1], _BAR_WIDTH, label="with the reward's help", color=style.BLUE)
+    _draw_interval(axes, np.append(left, right), np.hstack([counted, joint]))
+    _frame_outcomes(axes, joint[1], joint[2])
+
+
+def _draw_interval(axes: Axes, places: FloatArray, ends: FloatArray) -> None:
+    whiskers: Look = {"fmt": "_", "markersize": 7, "elinewidth": 1.0, "capsize": 2.5}
+    label = f"median, {100 * MASS:.0f} % interval"
+    draw_bars(axes, places, ends, color=style.INK, label=label, **whiskers)
+
+
+def _frame_outcomes(axes: Axes, learned: FloatArray, tops: FloatArray) -> None:
+    """The numbers of the learned bars above these, and the axes."""
     above: Look = {"xytext": (0, 1.5), "textcoords": "offset points", "ha": "center"}
     for place, probability, top in zip(_PLACES, learned, tops, strict=True):
         at = (place + _BAR_WIDTH / 2, top)

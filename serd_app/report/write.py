@@ -93,6 +93,7 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
         inputs.fit.outcome_probabilities[used],
         known_decisions(inputs)[used],
         inputs.knowledge,
+        inputs.both,
     )
     return found
 
