@@ -53,12 +53,16 @@ class LearningFiles:
     scenario: Scenario | None = None
 
     def remarks(self) -> Iterable[str]:
-        """A warning where no episode reaches the goal."""
+        """A warning where no episode reaches the goal, with another that some reach."""
         if not len(self.reaching):
             goals = "; ".join(f"{x:g},{y:g}" for x, y in self.goals_m)
+            n_left, (x_m, y_m) = max(self.task.other_goals, default=(0, (0.0, 0.0)))
+            fix = "record episodes that arrive"
+            if n_left:
+                fix = f"name --goal {x_m:g},{y_m:g}, where some end after {n_left} decisions in all"
             yield (
                 f"no episode reaches the goal ({goals}), so no arrival shows what it is worth;"
-                " name the goal people went to with --goal, or record episodes that arrive"
+                f" {fix}"
             )
 
 
