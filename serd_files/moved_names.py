@@ -60,6 +60,11 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "planner"): "there is one local planner; leave it out",
     ("parameter", "gui"): "'serd watch' shows the world on a web page; leave it out",
     **{("parameter", name): "the guard has its default; leave it out" for name in _GUARD},
+    **{
+        (kind, f"{prefix}{name.replace('_', dash)}"): "'python -m lab hallway' has that learner"
+        for kind, prefix, dash in (("parameter", "", "_"), ("option", "--", "-"))
+        for name in ("entropy_slack", "reirl_samples", "reirl_smoothing", "reirl_threshold_shares")
+    },
     ("key", "planner"): "there is one local planner; delete the key",
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"
