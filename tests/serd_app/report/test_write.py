@@ -177,5 +177,5 @@ def test_counted_and_joint_outcomes_are_side_by_side_with_which_was_taken(tmp_pa
     )
     assert "drives by: dynamics are counted, as it is so." in page
     without = write_report(replace(inputs, knowledge=None), tmp_path).page.read_text()
-    first = f"{inputs.fit.initial_outcome_probabilities[0, 0]:.3f}"
-    assert re.search(rf"<td>\s*{first}\s*</td>", without)
+    first = f"{100 * inputs.fit.initial_outcome_probabilities[0, 0]:.1f} %"
+    assert re.search(rf"<td>\s*{re.escape(first)}\s*</td>", without)
