@@ -19,6 +19,8 @@ _DWELL_TIMES = "'serd learn' learns how long moves take from every table of deci
 _REPLAY = "a replay starts with the nodes of --wait-for and does not pause"
 
 #: Parameters of the guard that have left.
+_STUDY = "'python -m lab hallway' has that learner"
+_OF_STUDY = ("entropy_slack", "reirl_samples", "reirl_smoothing", "reirl_threshold_shares")
 _GUARD = (
     "clock_jump",
     "vanished_hold",
@@ -60,6 +62,8 @@ _LEFT: dict[tuple[Kind, str], str] = {
     ("parameter", "planner"): "there is one local planner; leave it out",
     ("parameter", "gui"): "'serd watch' shows the world on a web page; leave it out",
     **{("parameter", name): "the guard has its default; leave it out" for name in _GUARD},
+    **{("parameter", name): _STUDY for name in _OF_STUDY},
+    **{("option", f"--{name.replace('_', '-')}"): _STUDY for name in _OF_STUDY},
     ("key", "planner"): "there is one local planner; delete the key",
     ("key", "decision_period_s"): (
         f"{_EVENTS}; delete the key, a scenario may have patience_s and wait_s instead"

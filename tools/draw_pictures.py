@@ -30,8 +30,9 @@ from serd_sim.world.waypoint import waypoint_of_intent
 from serd_sim.world.world import HallwayWorld
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests"))
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
+from lab.truth.recordings import KINDS, write_recording  # noqa: E402
 from support.browser import chromium  # noqa: E402
 from support.ros_maps import depot, write_map  # noqa: E402
 from support.waiting import wait_until  # noqa: E402
@@ -61,11 +62,12 @@ def draw_map_scenario(path: Path) -> None:
 
 
 def draw_report_page(path: Path) -> None:
-    """The page that two commands make of a shipped recording: its top, and its maps."""
-    bag = ROOT / "bags" / "data" / "hallway" / "training"
+    """The page that commands make of laps of the stand-in robot: its top, and its maps."""
     with tempfile.TemporaryDirectory() as name, chromium(width=900, height=1140) as browser:
         decisions, model = Path(name) / "decisions.csv", Path(name) / "model.yaml"
-        _serd("demos", bag, "--cell-size-m", "1", "--output", decisions)
+        bag, mapping = write_recording(KINDS["laps"], Path(name) / "laps", 1), Path(name) / "m.yaml"
+        _serd("bag", "suggest", bag, "--output", mapping)
+        _serd("demos", bag, "--mapping", mapping, "--output", decisions)
         _serd("learn", decisions, "--output", model, "--report", name)
         browser.get((Path(name) / "report.html").as_uri())
         # The time of day is another in each run.

@@ -15,6 +15,7 @@ from lab.experiments.running.provenance import recorded
 from lab.experiments.running.tables import print_results
 from lab.experiments.study.hallway.run import run_study
 from lab.experiments.study.hallway.tables import headline
+from lab.experiments.study.people.generated import write_corridor
 from lab.experiments.study.people.run import run_people
 from lab.experiments.study.people.settings import people_settings
 from lab.experiments.study.people.tables import headline as people_headline
@@ -91,18 +92,28 @@ def people(
     mapping: Annotated[
         Path | None, typer.Option(help="YAML file with columns, fps and unit of the tables")
     ] = None,
+    area: Annotated[
+        Path | None, typer.Option(help="WKT or GeoJSON of the corridor; default: where people were")
+    ] = None,
+    generate: Annotated[
+        bool, typer.Option("--generate", help="write the tables first, by their names")
+    ] = False,
     jobs: Jobs = EXECUTION.n_jobs,
 ) -> None:
     """Pedestrians of measured corridors as experts: their next moves and times of arrival.
 
     python -m lab people bi_corr_400_b_03.txt --quick
+    python -m lab people narrow.csv --generate     # narrow, wide or askew: of the simulated crowd
 
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
+    for each in files if generate else ():
+        write_corridor(each.stem, each.parent)
     folder = _folder("people", output, quick=quick)
     columns = load_yaml_model(mapping, TableColumns) if mapping is not None else None
-    settings = people_settings(files, mapping=columns, quick=quick, config=config)
-    own = [*map(str, files), *(["--mapping", str(mapping)] if mapping is not None else [])]
+    settings = people_settings(files, mapping=columns, area=area, quick=quick, config=config)
+    given = {"--mapping": mapping, "--area": area}
+    own = [*map(str, files), *(w for k, v in given.items() if v is not None for w in (k, str(v)))]
     command = _command("people", own, folder, quick=quick, config=config)
     tables = _run(run_people, settings, folder, Execution(jobs), command)
     _show(people_headline(tables), "People held out", folder)

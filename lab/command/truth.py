@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lab.truth.judge import judge, verdict_of
-from lab.truth.recordings import KINDS
+from lab.truth.recordings import KINDS, write_recording
 from lab.truth.worlds import FAMILIES, Claim, claim
 from serd_cli.output.terminal import console
 from serd_files.table import read_rows, write_rows
@@ -28,16 +28,21 @@ def truth(
         "claims.csv"
     ),
     seed: Annotated[int, typer.Option(min=0, help="seed of the recordings")] = 0,
+    bag: Annotated[Path | None, typer.Option(help="write the recording of --name there")] = None,
 ) -> None:
     """Learn from each recording as a stranger would, let the robot drive, and compare.
 
     python -m lab truth
     python -m lab truth --worlds 100 --output claims.csv
+    python -m lab truth --name laps --bag laps
 
     For each recording the headline, its checks and rollouts are printed. Exit code 1 where a
     headline and the rollouts disagree by more than their intervals. With --worlds the headlines
     of simulated worlds are counted instead: wrong ones, and those withheld for nothing.
     """
+    if bag is not None:
+        console.print(write_recording(KINDS[(name or ["laps"])[0]], bag, seed), soft_wrap=True)
+        return
     if worlds:
         _count(worlds, output)
         return

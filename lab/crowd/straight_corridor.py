@@ -1,6 +1,8 @@
 """People who walk through a straight corridor: which way it leads, and who is elsewhere.
 
-Ways are axes, as people walk to both ends of a corridor. Of ways at the angles phi_n, the mean axis
+Its sides are those of its walkable area, or without one of the smallest rectangle around the cells
+in which people were, never those of the ways: people who cross a corridor do not turn it. Which of
+the sides people walk along is seen from the mean axis of their ways: of ways at the angles phi_n it
 is arg(Z) / 2 with Z = mean exp(2i phi_n), and |Z| is 1 for parallel ones (Mardia and Jupp,
 Directional Statistics, 2000, section 9.3).
 """
@@ -9,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 
 from serd_core.arrays import BoolArray
 from serd_files.trajectories.read import Track
@@ -18,6 +21,8 @@ from serd_sim.errors import SimError
 _PARALLEL = 0.8
 #: A corridor at a smaller angle to x or y, or of fewer people, is taken as it is.
 _ALIGNED_RAD, _FEWEST = np.deg2rad(3.0), 10
+#: Cells of places, and the share of the upright rectangle that a turned one must save.
+_CELL_M, _SAVED = 0.25, 0.1
 #: After a longer step between places, an id is another person.
 AWAY_S, AWAY_STEPS = 2.0, 5.0
 #: People who are farther than that from the ways of all others are not in the corridor.
@@ -28,25 +33,29 @@ _APART_M = 2.0
 class CorridorPeople:
     """tracks: of those in the corridor, which is along axis (0: x, 1: y) of their coordinates.
 
-    n_apart: how many are elsewhere; remarks: sentences about what was turned or left out.
+    sides_m: the walls across where an area states them, else None. n_apart: how many are elsewhere;
+    remarks: sentences about what was turned or left out.
     """
 
     tracks: tuple[Track, ...]
     axis: int
+    sides_m: tuple[float, float] | None = None
     n_apart: int = 0
     remarks: tuple[str, ...] = ()
 
 
-def corridor_people(tracks: Sequence[Track]) -> CorridorPeople:
+def corridor_people(
+    tracks: Sequence[Track], area_m: shapely.Polygon | None = None
+) -> CorridorPeople:
     """Those who walk in the corridor in which most do, turned where it is not along x or y.
 
-    SimError where people walk in several directions.
+    area_m: its walkable area. SimError where people walk in several directions.
     """
     remarks, tracks = _divided(tracks)
-    angle_rad = _angle_rad(tracks)
-    axis = round(angle_rad / (np.pi / 2)) % 2
-    off_rad = angle_rad - np.pi / 2 * round(angle_rad / (np.pi / 2))
-    if abs(off_rad) > _ALIGNED_RAD and len(tracks) >= _FEWEST:
+    along_rad = _angle_rad(tracks)
+    off_rad = _off_rad(tracks, area_m)
+    axis = round((along_rad - off_rad) / (np.pi / 2)) % 2
+    if abs(off_rad) > _ALIGNED_RAD and (len(tracks) >= _FEWEST or area_m is not None):
         cos, sin = np.cos(-off_rad), np.sin(-off_rad)
         turn = np.array([[cos, sin], [-sin, cos]])
         tracks = [replace(track, position_m=track.position_m @ turn) for track in tracks]
@@ -54,6 +63,8 @@ def corridor_people(tracks: Sequence[Track]) -> CorridorPeople:
             f"the corridor is at {np.rad2deg(off_rad):.0f}° to the {'xy'[axis]} axis, so places are"
             " turned by that angle"
         )
+        if area_m is not None:
+            area_m = shapely.transform(area_m, lambda places_m: places_m @ turn)
     inside = _together(tracks, axis)
     inside[inside] = _together(
         [t for t, there in zip(tracks, inside, strict=True) if there], 1 - axis
@@ -66,7 +77,33 @@ def corridor_people(tracks: Sequence[Track]) -> CorridorPeople:
             f" who walk in the corridor{_and_others(len(apart))}; left out"
         )
     kept = tuple(track for track, there in zip(tracks, inside, strict=True) if there)
-    return CorridorPeople(kept, axis, len(apart), tuple(remarks))
+    sides_m = None
+    if area_m is not None:
+        sides_m = area_m.bounds[1 - axis], area_m.bounds[3 - axis]
+    return CorridorPeople(kept, axis, sides_m, len(apart), tuple(remarks))
+
+
+def _off_rad(tracks: Sequence[Track], area_m: shapely.Polygon | None) -> float:
+    """By how much the sides of the corridor are turned from x and y, at most pi / 4."""
+    shape = _where(tracks) if area_m is None else area_m
+    turned, upright = shape.minimum_rotated_rectangle, shape.envelope
+    if shapely.area(turned) > (1.0 - _SAVED) * shapely.area(upright):
+        return 0.0
+    edge = np.diff(shapely.get_coordinates(turned)[:2], axis=0)[0]
+    quarters = np.arctan2(edge[1], edge[0]) / (np.pi / 2)
+    return float(np.pi / 2 * (quarters - round(quarters)))
+
+
+def _where(tracks: Sequence[Track]) -> shapely.Geometry:
+    """The largest group of the cells in which two people or more were, of all where none are."""
+    visited = [np.unique(np.floor(track.position_m / _CELL_M), axis=0) for track in tracks]
+    cells, counts = np.unique(np.concatenate(visited), axis=0, return_counts=True)
+    common = cells[counts >= min(2, counts.max())]
+    squares = shapely.box(*(common * _CELL_M).T, *((common + 1) * _CELL_M).T)
+    joined = shapely.unary_union(shapely.buffer(squares, _APART_M / 2))
+    group = max(shapely.get_parts(joined), key=shapely.area)
+    inside = shapely.contains_properly(group, shapely.centroid(squares))
+    return shapely.convex_hull(shapely.union_all(squares[inside]))
 
 
 def longest_step_s(track: Track) -> float:

@@ -41,14 +41,15 @@ _SHARE, _FACTOR = 0.1, 1.25
 class World:
     """free: (R, C); outcomes: stay, forward, right, back, left of a move. believed: by the expert.
 
-    slow: factor of dwell times in the eastern half; at_random, waits: shares of the expert's
-    decisions that are drawn evenly, and that wait. n_drives: that are recorded.
+    pace: factor of dwell times at places east and north, from 0 to 1 over the place; at_random,
+    waits: shares of the expert's decisions that are drawn evenly, and that wait. n_drives: that are
+    recorded.
     """
 
     free: BoolArray
     outcomes: tuple[float, ...] = (0.04, 0.9, 0.03, 0.0, 0.03)
     believed: tuple[float, ...] = ()
-    slow: float = 1.0
+    pace: Callable[[FloatArray, FloatArray], FloatArray] = lambda east, _: np.ones_like(east)
     at_random: float = 0.0
     waits: float = 0.0
     n_drives: int = _N_DRIVES
@@ -58,47 +59,51 @@ def _open(rng: np.random.Generator, rows: int = 8, columns: int = 7) -> BoolArra
     return np.ones((rows + int(rng.integers(3)), columns + int(rng.integers(3))), dtype=bool)
 
 
-def _blocked(rng: np.random.Generator) -> BoolArray:
-    free = _open(rng, 9, 9)
-    for _ in range(4):
-        row, column = rng.integers(1, free.shape[0] - 3), rng.integers(1, free.shape[1] - 3)
-        free[row : row + 2, column : column + 2] = False
+def _zigzag(rng: np.random.Generator) -> BoolArray:
+    """Walls from alternating sides, each with a gap of two or three cells at its end."""
+    free = _open(rng, 11, 6)
+    for number, row in enumerate(range(2, free.shape[0] - 1, 3)):
+        gap = int(rng.integers(2, 4))
+        wall = np.arange(free.shape[1]) >= gap
+        free[row] = ~wall if number % 2 else ~wall[::-1]
     return free
 
 
-def _corner(rng: np.random.Generator) -> BoolArray:
-    free = _open(rng, 9, 9)
-    free[: free.shape[0] // 2, free.shape[1] // 2 :] = False
+def _scattered(rng: np.random.Generator) -> BoolArray:
+    """Single cells that are not free, none of them beside another."""
+    free = _open(rng, 10, 8)
+    for _ in range(12):
+        row, column = rng.integers(1, free.shape[0] - 1), rng.integers(1, free.shape[1] - 1)
+        if free[row - 1 : row + 2, column - 1 : column + 2].all():
+            free[row, column] = False
     return free
 
 
-def _two_rooms(rng: np.random.Generator) -> BoolArray:
-    free = _open(rng, 9, 7)
-    free[free.shape[0] // 2] = False
-    door = int(rng.integers(free.shape[1] - 1))
-    free[free.shape[0] // 2, door : door + 2] = True
-    return free
+def _mud(east: FloatArray, north: FloatArray) -> FloatArray:
+    return np.where(np.hypot(east - 0.6, north - 0.5) < 0.25, 3.0, 1.0)
 
 
-def _pillars(rng: np.random.Generator) -> BoolArray:
-    free = _open(rng, 11, 7)
-    free[2:-2:3, 1::3] = False
-    return free
+def _slow_end(_: FloatArray, north: FloatArray) -> FloatArray:
+    return np.where(north > 0.65, 2.0, 1.0)
+
+
+def _quick_lane(east: FloatArray, _: FloatArray) -> FloatArray:
+    return np.where(east < 0.3, 0.5, 1.0)
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator], World]] = {
-    "round a corner": lambda rng: World(_corner(rng)),
-    "two rooms": lambda rng: World(_two_rooms(rng)),
-    "pillars": lambda rng: World(_pillars(rng), (0.1, 0.8, 0.05, 0.0, 0.05)),
-    "drift to the right": lambda rng: World(_open(rng), (0.02, 0.66, 0.3, 0.01, 0.01)),
-    "thrown back": lambda rng: World(_corner(rng), (0.1, 0.72, 0.04, 0.1, 0.04)),
-    "belief too timid": lambda rng: World(
-        _pillars(rng), (0.03, 0.93, 0.02, 0.0, 0.02), believed=(0.1, 0.6, 0.15, 0.0, 0.15)
+    "mud": lambda rng: World(_open(rng, 10, 8), pace=_mud),
+    "slower to the east": lambda rng: World(_scattered(rng), pace=lambda east, _: 2.0**east),
+    "slow end": lambda rng: World(_scattered(rng), pace=_slow_end),
+    "quick lane": lambda rng: World(_open(rng, 10, 8), pace=_quick_lane),
+    "belief too bold": lambda rng: World(
+        _scattered(rng), (0.1, 0.7, 0.1, 0.0, 0.1), believed=(0.01, 0.97, 0.01, 0.0, 0.01)
     ),
-    "dawdles": lambda rng: World(_two_rooms(rng), waits=0.4),
-    "half at random": lambda rng: World(_open(rng), at_random=0.5),
-    "slower half": lambda rng: World(_pillars(rng), slow=2.0),
-    "five drives": lambda rng: World(_two_rooms(rng), n_drives=5),
+    "zigzag": lambda rng: World(_zigzag(rng), (0.06, 0.84, 0.05, 0.0, 0.05)),
+    "long hall": lambda rng: World(_open(rng, 16, 3)),
+    "six drives": lambda rng: World(_scattered(rng), (0.08, 0.82, 0.05, 0.0, 0.05), n_drives=6),
+    "now and then": lambda rng: World(_zigzag(rng), at_random=0.15, waits=0.1),
+    "wind": lambda rng: World(_open(rng), (0.05, 0.74, 0.0, 0.01, 0.2)),
 }
 
 
@@ -165,8 +170,10 @@ def _problems(world: World) -> tuple[NavigationProblem, NavigationProblem]:
     )
     timed = with_dwell_times(by_decisions, patience_s=4.0, wait_s=1.0)
     learned, _ = with_chosen_features(timed, {}, walls_seen=True)
-    pace = np.where(east > np.median(east), np.log(world.slow), 0.0)
-    return learned, semi_markov_problem(learned, log_pace=pace)
+    at = (
+        (each - each.min()) / max(float(np.ptp(each)), grid.cell_size_m) for each in (east, north)
+    )
+    return learned, semi_markov_problem(learned, log_pace=np.log(world.pace(*at)))
 
 
 def _drives(

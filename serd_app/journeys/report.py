@@ -13,7 +13,7 @@ import numpy as np
 
 from serd_app.errors import ReportError
 from serd_app.learning.criticism import recorded_times
-from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.knowledge import both_dynamics, load_knowledge
 from serd_app.learning.learning_files import read_learning_files
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.navigation.comparison import predicted_law, starts_of
@@ -83,6 +83,7 @@ def inputs_of_model(sources: ReportSources) -> ReportInputs:
         episodes=episodes,
         run=_facts(file),
         knowledge=load_knowledge(files, problem.grid) if len(trace) else None,
+        both=both_dynamics(files) if len(trace) else (),
         forecasts=tuple(_forecasts(strategy, sources.starts_m)),
         **_recorded(sources, strategy),
         n_demonstrations=file.fit.n_episodes,

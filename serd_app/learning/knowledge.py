@@ -1,5 +1,5 @@
-"""What a fit knows: standard errors, what the decisions alone do not determine; precision of each
-outcome model and law of dwell times, its source, and what demonstration would add most.
+"""What a fit knows: standard errors, precision of each outcome model and law of dwell times, its
+source, and what demonstration would add most.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,9 +20,7 @@ from serd_core.learners.fit_result import FitResult, StandardErrors
 from serd_core.semi_markov.models import NO_LAW, SemiMarkovModels
 from serd_core.semi_markov.place import dwell_summary
 from serd_core.uncertainty.standard_errors import (
-    Identifiability,
     fit_information,
-    identifiability,
     standard_errors,
 )
 from serd_files.table import OptionalFloat, read_rows, write_rows
@@ -89,6 +87,41 @@ class WeightRow:
     upper: OptionalFloat
     known_from: str
     from_choices_nats: float
+
+
+@dataclass(frozen=True)
+class DynamicsRow:
+    """The probability of one outcome by the moves alone, and by moves and choices together.
+
+    Each is a median with the ends of the interval that holds `MASS`.
+    """
+
+    model: str
+    outcome: str
+    counted_lower: float
+    counted: float
+    counted_upper: float
+    joint_lower: float
+    joint: float
+    joint_upper: float
+
+
+def dynamics_rows(
+    problem: NavigationProblem, counted: PosteriorDraws, joint: PosteriorDraws
+) -> tuple[DynamicsRow, ...]:
+    """Both dynamics of all outcomes, by model, from draws of their posteriors."""
+    models = problem.outcome_models
+    shares = 0.5 + np.array([-0.5, 0.0, 0.5]) * MASS
+    columns = [
+        np.quantile(models.local_probabilities(each.truth[:, : models.n_energies]), shares, axis=0)
+        for each in (counted, joint)
+    ]
+    table = np.concatenate(columns).transpose(1, 2, 0)
+    return tuple(
+        DynamicsRow(model, outcome.name.lower(), *table[m, outcome].tolist())
+        for m, model in enumerate(problem.model_names)
+        for outcome in Outcome
+    )
 
 
 @dataclass(frozen=True)
@@ -285,34 +318,24 @@ def load_knowledge(files: Mapping[str, Path], grid: Grid) -> Knowledge | None:
     return Knowledge(outcomes, gains, durations, read_rows(files["weights"], WeightRow))
 
 
+def both_dynamics(files: Mapping[str, Path]) -> tuple[DynamicsRow, ...]:
+    """The rows beside a model; none where its dynamics were not compared."""
+    path = files["dynamics"]
+    return read_rows(path, DynamicsRow) if path.exists() else ()
+
+
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """errors: with the prior's part, None where `problem` states why there are none.
-
-    identifiability: of the likelihood alone, None where the fit has none. open_rewards: features
-    whose weights it leaves open.
-    """
+    """errors: with the prior's part, None where `problem` states why there are none."""
 
     errors: StandardErrors | None
     problem: str = ""
-    identifiability: Identifiability | None = None
-    open_rewards: tuple[str, ...] = ()
 
 
 def certainty_of(problem: NavigationProblem, decisions: Decisions, fit: FitResult) -> Certainty:
-    """Standard errors with the prior's part; what is identified by the decisions alone."""
+    """Standard errors with the prior's part."""
     try:
         information = fit_information(problem, decisions, fit)
+        return Certainty(standard_errors(problem, information, information.observed))
     except SerdError as error:
         return Certainty(None, str(error))
-    found = identifiability(information)
-    names = {name for direction in found.null for name, _ in direction.loadings}
-    columns = [number for number, name in enumerate(information.names) if name in names]
-    is_open = information.jacobian[: len(fit.feature_names), columns].any(axis=1)
-    open_rewards = tuple(np.array(fit.feature_names)[is_open].tolist())
-    errors, reason = None, ""
-    try:
-        errors = standard_errors(problem, information, information.observed)
-    except SerdError as error:
-        reason = str(error)
-    return Certainty(errors, reason, found, open_rewards)

@@ -36,7 +36,7 @@ _Table = TypeVar("_Table", bound=Decisions)
 class LearningFiles:
     """task: where it was; flow_from: scenario, recorded or none; n_read: decisions of the table;
     n_after_goal: decisions left out; n_elsewhere: those of episodes that end in other places than
-    the goals, also left out; elsewhere_m: centres of these places.
+    the goals, also left out.
     goals_m: centres (x, y) of the goal cells; reaching: (E,) episodes that come to one. scenario:
     None where the grid was fitted.
     """
@@ -48,17 +48,20 @@ class LearningFiles:
     n_read: int
     n_after_goal: int
     n_elsewhere: int
-    elsewhere_m: tuple[tuple[float, float], ...]
     reaching: IntArray
     scenario: Scenario | None = None
 
     def remarks(self) -> Iterable[str]:
-        """A warning where no episode reaches the goal."""
+        """A warning where no episode reaches the goal, with another that some reach."""
         if not len(self.reaching):
             goals = "; ".join(f"{x:g},{y:g}" for x, y in self.goals_m)
+            n_left, (x_m, y_m) = max(self.task.other_goals, default=(0, (0.0, 0.0)))
+            fix = "record episodes that arrive"
+            if n_left:
+                fix = f"name --goal {x_m:g},{y_m:g}, where some end after {n_left} decisions in all"
             yield (
                 f"no episode reaches the goal ({goals}), so no arrival shows what it is worth;"
-                " name the goal people went to with --goal, or record episodes that arrive"
+                f" {fix}"
             )
 
 
@@ -92,7 +95,6 @@ def read_learning_files(
     used = [decisions, *(each.decisions for each in drives)]
     reached = np.concatenate([each.episode for each in used])
     elsewhere = all_decisions.select(~np.isin(all_decisions.episode, reached))
-    others = usual_goal_states(elsewhere, grid) if len(elsewhere) else goals[:0]
     made = _scenario_of(place, problem, kept)
     n_used = len(kept) + sum(len(each.decisions) for each in drives)
     n_after_goal = len(all_decisions) - len(elsewhere) - n_used
@@ -115,7 +117,6 @@ def read_learning_files(
         n_read=len(all_decisions),
         n_after_goal=n_after_goal,
         n_elsewhere=len(elsewhere),
-        elsewhere_m=_centres_m(grid, others),
         reaching=episodes_reaching(decisions, goals),
         scenario=known,
     )

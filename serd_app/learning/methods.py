@@ -1,4 +1,4 @@
-"""The learning methods of the product and of the study, by name, and what they learn from.
+"""The learning methods of the product, by name, and what they learn from.
 
 Where a weight has to be chosen (of the divergence prior or of the coupling), it is the one of the
 highest likelihood on the validation episodes; the result is then fitted to all episodes, so every
@@ -9,7 +9,6 @@ SERD starts in two stages: reward weights under the M-estimate of the dynamics f
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
@@ -19,18 +18,14 @@ from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import Step
 from serd_core.ascent.trust_region import TrustRegion
 from serd_core.bayes.strengths import strengths_of
-from serd_core.demonstrations.decisions import Decisions, start_distribution
-from serd_core.demonstrations.simulation import sample_decisions, trajectories_of
+from serd_core.demonstrations.decisions import Decisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.navigation import FEATURE_NAMES, NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import (
-    fit_mdce_irl_by_entropy,
     fit_mdce_irl_by_likelihood,
     weights_under_initial_dynamics,
 )
-from serd_core.learners.policy_matching import clone_behaviour
-from serd_core.learners.relative_entropy_irl import fit_relative_entropy_irl, hoeffding_thresholds
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.learners.start import dynamics_of_hidden_actions
 from serd_core.posterior.beliefs import Belief, CoupledBelief, FreeBelief, TiedBelief
@@ -199,44 +194,6 @@ def mdce_irl(data: FitData) -> MethodResult:
     return MethodResult(fit_rewards(data, data.estimate(data.decisions)), _normal(data))
 
 
-def mdce_irl_entropy(data: FitData) -> MethodResult:
-    """MDCE IRL by causal entropy under the M-estimate."""
-    slack = data.settings.entropy_slack
-    fit = fit_mdce_irl_by_entropy(
-        data.problem,
-        data.decisions,
-        rng=data.rng,
-        dynamics=data.estimate(data.decisions),
-        slack=slack,
-        ascent=ASCENT,
-        on_step=data.reporter(),
-    )
-    return MethodResult(fit, f"none; features match within a slack of {slack:g} times the weights")
-
-
-def relative_entropy_irl(data: FitData) -> MethodResult:
-    """Relative entropy IRL on trajectories sampled from estimates (section 4.6.2).
-
-    Narrow samples let the weights grow without bound, and wide thresholds allow all weights to be
-    0. So the smoothing of the sampling policy and the share of Hoeffding's thresholds are chosen on
-    validation; a single episode gets the first of each.
-    """
-    settings = data.settings
-    choices = list(product(settings.reirl_smoothing, settings.reirl_threshold_shares))
-    best = 0
-    if len(data.validation):
-        scores = []
-        for number, (smoothing, share) in enumerate(choices, start=1):
-            on_step = data.reporter(number, len(choices) + 1)
-            found = _fit_relative_entropy(data, data.training, smoothing, share, on_step)
-            scores.append(validation_log_likelihood(data.problem, data.validation, found))
-        best = int(np.argmax(scores))
-    smoothing, share = choices[best]
-    on_step = data.reporter(len(choices) + 1, len(choices) + 1)
-    fit = _fit_relative_entropy(data, data.decisions, smoothing, share, on_step)
-    return MethodResult(fit, f"none; thresholds {share:g} of Hoeffding's, smoothing {smoothing:g}")
-
-
 def fit_by(method: MethodName, data: FitData) -> MethodResult:
     """Fit with a method; AppError where it cannot learn from such decisions."""
     if method not in LEARN_FROM_STATES and data.decisions.hidden.any():
@@ -254,8 +211,6 @@ METHODS: dict[MethodName, Callable[[FitData], MethodResult]] = {
     "mdce_serd_coupled": mdce_serd_coupled,
     "mdce_serd_free": mdce_serd_free,
     "mdce_irl": mdce_irl,
-    "mdce_irl_entropy": mdce_irl_entropy,
-    "relative_entropy_irl": relative_entropy_irl,
 }
 
 
@@ -354,37 +309,6 @@ def _fit_serd(
         belief=belief,
         prior=prior + data.reward_prior,
         ascent=ASCENT,
-        on_step=on_step,
-    )
-
-
-def _fit_relative_entropy(
-    data: FitData, decisions: Decisions, smoothing: float, share: float, on_step: OnStep
-) -> FitResult:
-    """smoothing: of the cloned policy that samples; share: of Hoeffding's thresholds."""
-    problem, estimate = data.problem, data.estimate(decisions)
-    policy = clone_behaviour(problem, decisions, smoothing)
-    seen = trajectories_of(decisions)
-    longest = int(seen.length.max())
-    longest_cut_off = seen.length[~problem.mdp.final[seen.end]].max(initial=0)
-    samples = sample_decisions(
-        problem.mdp,
-        policy,
-        estimate,
-        start_distribution(decisions, problem.mdp.n_states),
-        n_episodes=data.settings.reirl_samples,
-        n_steps=max(data.settings.reirl_sample_decisions, int(longest_cut_off)),
-        rng=data.rng,
-    )
-    thresholds = hoeffding_thresholds(problem, len(decisions.episodes), horizon=longest)
-    return fit_relative_entropy_irl(
-        problem,
-        decisions,
-        samples=samples,
-        sampling_policy=policy,
-        thresholds=share * thresholds,
-        dynamics=estimate,
-        rng=data.rng,
         on_step=on_step,
     )
 

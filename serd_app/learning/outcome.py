@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.learning.knowledge import Knowledge, save_knowledge
+from serd_app.learning.knowledge import DynamicsRow, Knowledge, save_knowledge
 from serd_app.places.kept_scenario import keep_scenario, kept_scenario_file
 from serd_bag.files import atomic_write_text, delete_file
 from serd_core.arrays import FloatArray
@@ -20,7 +20,7 @@ from serd_core.posterior.parameters import Parameters
 from serd_core.semi_markov.models import require_timed
 from serd_files.grid_file import save_grid
 from serd_files.model_file import ModelFile
-from serd_files.table import Column, csv_text, read_table
+from serd_files.table import Column, csv_text, read_table, write_rows
 from serd_files.yaml_config import save_yaml_model
 from serd_sim.drivers.strategy import learned_dynamics
 
@@ -92,7 +92,8 @@ class FitOutcome:
     was found about dwell times, in sentences. prior_weight: the weight it used, None for methods
     without; validation: log-likelihood per validation decision of each candidate weight, empty
     where none was chosen. knowledge: None where the fit has no posterior. scenario_yaml: see
-    `LearningTask`. traps: from where the learned policy never arrives.
+    `LearningTask`. traps: from where the learned policy never arrives. both: counted dynamics and
+    those learned with rewards, none where they were not compared.
     """
 
     fit: FitResult
@@ -105,6 +106,7 @@ class FitOutcome:
     knowledge: Knowledge | None = None
     scenario_yaml: str = ""
     durations: tuple[str, ...] = ()
+    both: tuple[DynamicsRow, ...] = ()
 
     def trace_table(self) -> str:
         """The objective after each step of the fit to all episodes, as CSV."""
@@ -156,6 +158,7 @@ def save_outcome(output: Path, outcome: FitOutcome, grid: Grid) -> None:
     atomic_write_text(files["learning"], outcome.trace_table())
     for name in ("posterior", "durations", "weights", "gain", "gain_map"):
         delete_file(files[name])  # of an earlier fit
+    write_rows(files["dynamics"], DynamicsRow, outcome.both)
     if outcome.knowledge is not None:
         save_knowledge(files, outcome.knowledge)
     save_yaml_model(files["model"], outcome.model)
@@ -168,6 +171,7 @@ def outcome_files(output: Path) -> dict[str, Path]:
         "grid": output.with_suffix(".grid.yaml"),
         "scenario": kept_scenario_file(output),
         "learning": output.with_suffix(".learning.csv"),
+        "dynamics": output.with_suffix(".dynamics.csv"),
         "posterior": output.with_suffix(".posterior.csv"),
         "durations": output.with_suffix(".durations.csv"),
         "weights": output.with_suffix(".weights.csv"),

@@ -15,7 +15,13 @@ import numpy as np
 from serd_app.demonstrations.decision_table import load_flow
 from serd_app.errors import AppError
 from serd_app.learning.criticism import Criticised, criticise
-from serd_app.learning.knowledge import Knowledge, knowledge_of, posterior_of
+from serd_app.learning.knowledge import (
+    DynamicsRow,
+    Knowledge,
+    dynamics_rows,
+    knowledge_of,
+    posterior_of,
+)
 from serd_app.learning.methods import (
     MethodResult,
     ProgressCallback,
@@ -132,17 +138,22 @@ def learn(
         None if posterior is None else _known(problem, posterior, n_states),
         task.scenario_yaml,
         durations=durations,
+        both=learned.both,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class _Learned:
-    """A fit, its posterior and draws, None where it has none; joint: which dynamics were taken."""
+    """A fit, its posterior and draws, None where it has none.
+
+    joint: which dynamics were taken; both: the two that were compared, none where they were not.
+    """
 
     found: MethodResult
     posterior: Laplace | None = None
     draws: PosteriorDraws | None = None
     joint: Check | None = None
+    both: tuple[DynamicsRow, ...] = ()
 
 
 def _judged(
@@ -162,8 +173,9 @@ def _judged(
     judged = judge_joint_dynamics(posterior, decisions, rng, draws)
     mark: Literal["holds", "fails"] = "fails" if judged.chosen == "neither" else "holds"
     check = Check(key="joint_dynamics", mark=mark, sentence=judged.sentence)
+    both = dynamics_rows(problem, judged.moves, draws)
     if judged.chosen == "joint":
-        return _Learned(found, posterior, draws, check)
+        return _Learned(found, posterior, draws, check, both)
     prior = f"{found.prior}; dynamics counted from the moves alone"
     posterior, moves = judged.posterior_of_counted, judged.moves
     draws = laplace_draws(posterior, rng)
@@ -171,7 +183,7 @@ def _judged(
     draws = replace(
         draws, truth=moves.truth[rows], outcome_probabilities=moves.outcome_probabilities[rows]
     )
-    return _Learned(MethodResult(judged.counted, prior), posterior, draws, check)
+    return _Learned(MethodResult(judged.counted, prior), posterior, draws, check, both)
 
 
 def _known(problem: NavigationProblem, posterior: Laplace, n_states: int) -> Knowledge | None:

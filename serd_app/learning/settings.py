@@ -13,8 +13,6 @@ MethodName = Literal[
     "mdce_serd_coupled",
     "mdce_serd_free",
     "mdce_irl",
-    "mdce_irl_entropy",
-    "relative_entropy_irl",
 ]
 
 
@@ -40,23 +38,6 @@ class RecipeSettings(StrictModel):
         30.0, "standard deviation of the normal prior on reward weights", gt=0
     )
     pseudo_count: float = setting(1.0, "uniform prior of the M-estimate: added counts", gt=0)
-    entropy_slack: float = setting(
-        0.001, "mdce_irl_entropy: slack of the matched features, times the weights", ge=0
-    )
-    reirl_threshold_shares: tuple[Annotated[float, Field(ge=0)], ...] = setting(
-        (0.0, 0.03, 0.1),
-        "relative_entropy_irl: candidate shares of Hoeffding's thresholds",
-        min_length=1,
-    )
-    reirl_smoothing: tuple[Annotated[float, Field(gt=0)], ...] = setting(
-        (0.03, 0.1, 0.3),
-        "relative_entropy_irl: candidate pseudo-counts of the sampling policy",
-        min_length=1,
-    )
-    reirl_samples: int = setting(500, "relative_entropy_irl: sampled trajectories", ge=1)
-    reirl_sample_decisions: int = setting(
-        210, "relative_entropy_irl: decisions of a sampled trajectory; most arrive in these", ge=1
-    )
 
 
 class LearningSettings(RecipeSettings):

@@ -246,10 +246,13 @@ def _ends(
     farthest, steps = _farthest(grid, goal, rooms)
     start = farthest if start is None else start
     if not np.isfinite(steps[start]) or start == goal:
-        x_m, y_m = grid.centers_m[start]
+        (x_m, y_m), (other_x_m, other_y_m) = grid.centers_m[[start, farthest]]
+        fix = "mend the map, as moves lead there from no cell in which the robot has room"
+        if farthest != goal and np.isfinite(steps[farthest]):
+            fix = f"take --start {other_x_m:g},{other_y_m:g}, from which they do"
         raise AppError(
             f"start must be another cell than the goal, from which moves lead there, got that at"
-            f" ({x_m:g}, {y_m:g}) m; name other cells or lower cell_size_m"
+            f" ({x_m:g}, {y_m:g}) m; {fix}"
         )
     return goal, start, int(steps[start])
 

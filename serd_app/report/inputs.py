@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from serd_app.learning.criticism import RecordedTimes
-from serd_app.learning.knowledge import Knowledge
+from serd_app.learning.knowledge import DynamicsRow, Knowledge
 from serd_app.navigation.comparison import arrival_times_s, predicted_law
 from serd_core.arrays import FloatArray
 from serd_core.arrival.law import ArrivalLaw
@@ -63,7 +63,7 @@ class ReportInputs:
     demonstrations: may be empty, then n_demonstrations is how many there were.
     demonstration_tracks_m: (T, 2) recorded x, y of each demonstration, may be empty.
     episodes: empty where it has not driven. knowledge: None where the fit has no posterior.
-    forecasts: from chosen starts.
+    forecasts: from chosen starts. both: counted dynamics and those learned with rewards.
     recorded: times of arrival of the demonstrations, None where they are not known.
     """
 
@@ -76,6 +76,7 @@ class ReportInputs:
     run: RunFacts
     files: tuple[FileLink, ...] = ()
     knowledge: Knowledge | None = None
+    both: tuple[DynamicsRow, ...] = ()
     forecasts: tuple[Forecast, ...] = ()
     n_demonstrations: int = 0
     recorded: RecordedTimes | None = None

@@ -5,14 +5,15 @@ The page is one HTML file with embedded pictures and without resources from outs
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from serd_app.learning.knowledge import WeightRow, spanned
+from serd_app.learning.knowledge import DynamicsRow, WeightRow, spanned
 from serd_app.navigation.comparison import Agreement, reasons_text
 from serd_app.report.charts import (
     OUTCOME_LABELS,
@@ -26,6 +27,7 @@ from serd_app.report.style import save_figure, svg_bytes
 from serd_app.report.summary import Summary, headline_of, known_decisions, span_in_words, summary_of
 from serd_bag.files import atomic_write_bytes, atomic_write_text
 from serd_bag.quantities import counted, seconds_in_words
+from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.demonstrations.decisions import state_counts
 
 _OWN_FILES: tuple[FileLink, ...] = (
@@ -85,19 +87,25 @@ def _figures(inputs: ReportInputs) -> dict[str, Figure]:
     if inputs.forecasts:
         laws = {each.name: each.law for each in inputs.forecasts}
         found["forecast"] = draw_forecasts(laws, timeout_s, recorded_s)
-    used = problem.used_models
+    known = {} if inputs.knowledge is None else inputs.knowledge.by_model
     found["outcomes"] = draw_outcomes(
-        [problem.model_names[m] for m in used],
-        inputs.fit.initial_outcome_probabilities[used],
-        inputs.fit.outcome_probabilities[used],
-        known_decisions(inputs)[used],
-        inputs.knowledge,
+        [row for row, _ in shown_outcomes(inputs)],
+        dict(zip(problem.model_names, known_decisions(inputs).tolist(), strict=True)),
+        {name: rows[0].known_from for name, rows in known.items()},
     )
     return found
 
 
 def _spanned(row: WeightRow) -> str:
     return spanned(row.lower, row.median, row.upper, ".4f")
+
+
+def _counted(row: DynamicsRow) -> str:
+    return _percents(row.counted_lower, row.counted, row.counted_upper)
+
+
+def _joint(row: DynamicsRow) -> str:
+    return _percents(row.joint_lower, row.joint, row.joint_upper)
 
 
 def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, bytes]) -> str:
@@ -111,7 +119,7 @@ def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, b
         lstrip_blocks=True,
     )
     environment.filters |= {"in_words": in_words, "seconds": seconds_in_words}
-    environment.filters["spanned"] = _spanned
+    environment.filters |= {"spanned": _spanned, "counted": _counted, "joint": _joint}
     return environment.get_template("report.html.j2").render(
         inputs=inputs,
         headline=headline_of(summary),
@@ -124,7 +132,42 @@ def render_page(inputs: ReportInputs, summary: Summary, pictures: Mapping[str, b
         links=inputs.files + _OWN_FILES,
         has_tracks=bool(inputs.demonstration_tracks_m),
         forecasts=[_forecast_row(each) for each in inputs.forecasts],
+        outcome_rows=list(shown_outcomes(inputs)),
+        dynamics_taken=_sentence_of(summary, "joint_dynamics"),
     )
+
+
+def _sentence_of(summary: Summary, key: str) -> str:
+    return next((each["sentence"] for each in summary["checks"] if each["key"] == key), "")
+
+
+def shown_outcomes(inputs: ReportInputs) -> Iterator[tuple[DynamicsRow, str]]:
+    """Counted dynamics beside those that were learned with rewards, and what they are known from.
+
+    Fits that were not compared have no interval of counts, those without a posterior none at all.
+    """
+    problem, fit, known = inputs.strategy.problem, inputs.fit, inputs.knowledge
+    both = {(row.model, row.outcome): row for row in inputs.both}
+    decisions = known_decisions(inputs)
+    for m in problem.used_models:
+        name, source = problem.model_names[m], "moves" if decisions[m] else PRIOR_ONLY
+        for k, outcome in enumerate(OUTCOME_LABELS):
+            counts, learned = (
+                fit.initial_outcome_probabilities[m, k],
+                fit.outcome_probabilities[m, k],
+            )
+            ends = np.nan, np.nan
+            if known is not None:
+                row = known.by_model[name][k]
+                source, ends = row.outcome_known_from, (row.lower, row.upper)
+            alone = DynamicsRow(name, outcome, np.nan, counts, np.nan, ends[0], learned, ends[1])
+            yield both.get((name, outcome), alone), source
+
+
+def _percents(lower: float, middle: float, upper: float) -> str:
+    if np.isnan(lower + upper):
+        return f"{100 * middle:.1f} %"
+    return spanned(100 * lower, 100 * middle, 100 * upper, ".1f", " %")
 
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:

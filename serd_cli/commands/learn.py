@@ -11,8 +11,7 @@ knows the dynamics; prior by evidence, predictions averaged over the
 posterior). Rewards and outcomes,
 with durations that are counted: mdce_serd (divergence prior, its weight
 by validation), its variants _coupled and _free (the expert's belief
-differs). Rewards under counted dynamics: mdce_irl, mdce_irl_entropy,
-relative_entropy_irl.
+differs). Rewards under counted dynamics: mdce_irl.
 """
 
 from pathlib import Path

@@ -12,7 +12,7 @@ import numpy as np
 from serd_app.demonstrations.decision_table import load_decisions
 from serd_app.drives.drive import LONGEST_GAP_S
 from serd_app.learning.criticism import recorded_times
-from serd_app.learning.knowledge import load_knowledge
+from serd_app.learning.knowledge import both_dynamics, load_knowledge
 from serd_app.learning.learning_files import episodes_reaching, until_goal
 from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
@@ -87,6 +87,7 @@ def report_inputs(
         ),
         files=tuple(each for each in _FILES if (folder.root / each.path).exists()),
         knowledge=load_knowledge(outcome_files(folder.model), strategy.problem.grid),
+        both=both_dynamics(outcome_files(folder.model)),
         recorded=recorded_times(
             strategy, until_goal(decisions, goals), episodes_reaching(decisions, goals)
         ),

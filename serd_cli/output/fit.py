@@ -51,9 +51,6 @@ def print_learned(learned: Learned) -> None:
         line = f"left out: {in_words(feature.name)}, as {feature.left_out}"
         console.print(line, soft_wrap=True)
     console.print(_outcomes_table(outcome, certainty))
-    if files.elsewhere_m:
-        goals = " ".join(f"--goal {x:g},{y:g}" for x, y in files.elsewhere_m)
-        console.print(f"to learn from those that end elsewhere: {goals}", soft_wrap=True)
     for line in (*files.remarks(), *_remarks(certainty)):
         console.print(line, style="yellow", soft_wrap=True)
     if outcome.knowledge is not None:
@@ -91,7 +88,7 @@ def _learned_from(files: LearningFiles, decisions: TimedDecisions) -> str:
 def learned_values(learned: Learned) -> dict[str, Any]:
     """The same by name; None for a standard error that is not finite."""
     files, outcome, certainty = learned.files, learned.outcome, learned.certainty
-    errors, found = certainty.errors, certainty.identifiability
+    errors = certainty.errors
     page = {} if learned.page is None else {"report": str(learned.page)}
     return {
         **outcome.values(),
@@ -103,8 +100,6 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "outcome_standard_errors": errors
         and bool(errors.outcome_probabilities.any())
         and [[finite(each) for each in row] for row in errors.outcome_probabilities],
-        "identified_without_prior": None if found is None else found.identified,
-        "open_directions": [] if found is None else [str(each) for each in found.null],
         "checks": [each.model_dump() for each in outcome.model.checks],
         "knowledge": None if outcome.knowledge is None else _known(asdict(outcome.knowledge)),
         "scenario": files.task.scenario,
@@ -113,7 +108,6 @@ def learned_values(learned: Learned) -> dict[str, Any]:
         "n_read": files.n_read,
         "n_after_goal": files.n_after_goal,
         "n_elsewhere": files.n_elsewhere,
-        "elsewhere_m": files.elsewhere_m,
         "n_reaching_goal": len(files.reaching),
         "model": str(learned.model.resolve()),
         **page,
@@ -167,12 +161,9 @@ def _outcomes_table(outcome: FitOutcome, certainty: Certainty) -> Table:
 
 
 def _remarks(certainty: Certainty) -> Iterable[str]:
-    """Why there are no standard errors, and which weights the prior alone determines."""
+    """Why there are no standard errors."""
     if certainty.problem:
         yield f"no standard errors: {certainty.problem}"
-    if certainty.open_rewards:
-        names = "; ".join(in_words(name) for name in sorted(certainty.open_rewards))
-        yield f"rewards that the decisions alone do not determine, so the prior decides: {names}"
 
 
 def _number(value: float, digits: int = 2) -> str:

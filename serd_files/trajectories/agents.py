@@ -1,13 +1,14 @@
 """Agents with columns of their own: a robot in `robot_x, robot_y`, people in `x1, y1, x2, y2, ...`
 or in rows of `x, y` and an id.
 
-A pair of coordinates is two names that differ in the word of the axis alone. The name of a pair is
-what is left of them: `robot` of robot_x, `1` of x1, nothing of x. One pair is taken as the robot if
+A pair of coordinates is two names that differ in the word of the axis alone, or in one letter of a
+word that begins or ends with it. The name of a pair is what is left of them: `robot` of robot_x or
+robotx, `1` of x1, nothing of x. One pair is taken as the robot if
 its name has that word and no other pair competes; otherwise the mapping must name it.
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from serd_files.trajectories.columns import (
     column_named,
     columns_of,
     flow_style,
+    mapping_of,
     numeric,
     role_of,
     rows_of,
@@ -45,6 +47,10 @@ _WANTED = frozenset(
 )
 #: Name of the column of ids of people in rows that repeat the robot.
 _COLUMN = "column"
+#: Letters that may stand for an agent where the axis is written to them: rx, xh.
+_LETTERS = frozenset("rph")
+#: Share of rows that may repeat an id at a time, and fewest rows of an id in the mean.
+_REPEATED, _FEWEST_ROWS = 0.01, 2
 
 
 class Pair(NamedTuple):
@@ -81,14 +87,24 @@ def pairs_of(names: Sequence[str]) -> list[Pair]:
     for column, name in enumerate(names):
         words = words_of(name)
         axes = [_AXIS[word] for word in words if word in _AXIS]
-        rest = tuple(word for word in words if word not in _AXIS and word not in PLACE_WORDS)
-        if len(axes) == 1 and not _NO_PLACE.intersection(rest):
-            found.setdefault(rest, {"x": [], "y": []})[axes[0]].append(column)
+        each = [(axes[0], [word for word in words if word not in _AXIS])] if len(axes) == 1 else []
+        for axis, parts in each or ([] if axes else _joined(words)):
+            rest = tuple(word for word in parts if word not in PLACE_WORDS)
+            if not _NO_PLACE.intersection(rest):
+                found.setdefault(rest, {"x": [], "y": []})[axis].append(column)
     return [
         Pair(" ".join(rest), *axes["x"], *axes["y"])
         for rest, axes in found.items()
         if len(axes["x"]) == len(axes["y"]) == 1
     ]
+
+
+def _joined(words: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield axis and other words of a name in which the axis begins or ends a word."""
+    for at, word in enumerate(words):
+        for axis, rest in ((word[-1:], word[:-1]), (word[:1], word[1:])):
+            if axis in ("x", "y") and (len(rest) > 1 or rest in _LETTERS):
+                yield axis, [*words[:at], rest, *words[at + 1 :]]
 
 
 def in_rows(where: str, cells: Cells, wanted: TableColumns) -> tuple[Cells, TableColumns, str]:
@@ -150,6 +166,10 @@ def _by_name(where: str, cells: Cells, wanted: TableColumns, pairs: Sequence[Pai
     people = [pair for pair in pairs if pair.is_person and not pair.is_robot]
     rivals = [pair for pair in pairs if pair.name and not pair.words & _WANTED]
     ids = _ids(names, wanted)
+    by_row = [pair for pair in people if ids and pair.words <= set(words_of(ids))]
+    if rows is None and len(by_row) == 1:  # person_id, person_x, person_y
+        rows = by_row[0]
+        people, rivals = [], [pair for pair in rivals if pair != rows]
     if len(robots) == 1 and (rows is None or ids):
         # With ids in rows, further pairs of people are named, as the rows have them already.
         return robots[0], [] if rows else people, rows
@@ -179,7 +199,10 @@ def _uncertain(
     candidates: list[Pair] = [pair for pair in robots or places if pair not in people]
     candidates += [pair for pair in places if not pair.name and pair not in candidates]
     chosen: list[Pair | None] = [*candidates] or [None]
-    mappings = [_mapping(names, pairs, candidate, people) for candidate in chosen]
+    mappings = []
+    if len(robots) == 1:  # the others may be people by row
+        mappings = [mapping_of(names, agent=column) for column in id_columns(cells)]
+    mappings += [_mapping(names, pairs, candidate, people) for candidate in chosen]
     listed = " and ".join(f"{names[each.x]}, {names[each.y]}" for each in places)
     shown = [text for text in mappings if _works(where, cells, text)]
     fix = f"name them in a --mapping file: {' or '.join(shown)}"
@@ -215,10 +238,30 @@ def _works(where: str, cells: Cells, mapping: str) -> bool:
         wanted = wanted.model_copy(update={"fps": 1.0})
     try:
         long, wanted, _ = in_rows(where, cells, wanted)
-        rows_of(where, long, columns_of(where, long, wanted), wanted)
+        frame = rows_of(where, long, columns_of(where, long, wanted), wanted).frame
     except FileError:
         return False
-    return True
+    places = frame[["agent", "episode", "time_s", "x", "y"]].drop_duplicates()
+    again = places.duplicated(["agent", "episode", "time_s"]).mean()
+    return bool(len(places) and again <= _REPEATED)
+
+
+def id_columns(cells: Cells) -> list[int]:
+    """Return the columns that may hold the ids of agents, which none of the names states.
+
+    An id has several rows and is at most once at a time; columns of coordinates are none.
+    """
+    frame, names = cells.frame, cells.names
+    times = [at for at, name in enumerate(names) if role_of(name) in ("time", "frame")]
+    taken = {column for pair in pairs_of(names) for column in (pair.x, pair.y)}
+    free = [at for at, name in enumerate(names) if role_of(name) is None and at not in taken]
+    return [
+        at
+        for at in free
+        if times
+        and 2 <= frame.iloc[:, at].nunique() <= len(frame) / _FEWEST_ROWS
+        and frame.iloc[:, [times[0], at]].duplicated().mean() <= _REPEATED
+    ]
 
 
 def _texts(names: Sequence[str], pair: Pair) -> list[str]:

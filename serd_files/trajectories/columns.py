@@ -33,7 +33,7 @@ _NAMES = {
     "time": ("time", "timestamp", "stamp", "t"),
     "frame": ("frame", "frame_id", "fr"),
     "agent": ("id", "agent", "agent_id", "person", "person_id", "ped", "ped_id", "pedestrian",
-              "pedestrian_id", "track", "track_id"),
+              "pedestrian_id", "track", "track_id", "human", "human_id"),
     "episode": ("episode", "episode_id", "run", "run_id", "trial", "trial_id", "scene", "scene_id"),
     "x": ("x", "px", "tx"),
     "y": ("y", "py", "ty"),

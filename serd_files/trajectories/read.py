@@ -13,16 +13,14 @@ import numpy as np
 
 from serd_bag.errors import FileError
 from serd_core.arrays import FloatArray
-from serd_files.trajectories.agents import in_rows
+from serd_files.trajectories.agents import id_columns, in_rows
 from serd_files.trajectories.cells import read_cells
 from serd_files.trajectories.columns import (
     Cells,
-    Columns,
     Rows,
     TableColumns,
     columns_of,
     mapping_of,
-    role_of,
     rows_of,
 )
 from serd_files.trajectories.speed import of_speed
@@ -79,7 +77,8 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     cells, wanted, unused = in_rows(str(path), cells, wanted)
     columns = columns_of(str(path), cells, wanted)
     rows = rows_of(str(path), cells, columns, wanted)
-    points, contradictions = _first_of_each_time(path, rows, _candidates(cells, columns))
+    ids = [mapping_of(cells.names, agent=column) for column in id_columns(cells)]
+    points, contradictions = _first_of_each_time(path, rows, ids)
     points, own_clocks = _on_one_clock(points)
     points, strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
@@ -101,15 +100,6 @@ def _no_agents(path: Path, rows: Rows) -> FileError:
         f" {n_good + len(rows.bad)} rows, {n_good} of which have numbers; name its columns in a"
         " --mapping file (time:, agent:, x:, y:)"
     )
-
-
-def _candidates(cells: Cells, columns: Columns) -> list[str]:
-    """Return mappings of the columns that may hold the ids of a table without them."""
-    return [
-        mapping_of(cells.names, agent=column)
-        for column, name in enumerate(cells.names)
-        if column not in columns.values() and role_of(name) is None
-    ]
 
 
 def _first_of_each_time(

@@ -160,9 +160,9 @@ def test_every_setting_is_an_option_with_its_default_and_those_of_lists_are_repe
     assert validated(LearningSettings, **given) == LearningSettings()
     with pytest.raises(UsageError, match="discount must be less than 1, got 1"):
         validated(LearningSettings, discount=1.0)
-    line = ["--prior-weight", "2", "--prior-weight", "3", "--reirl-smoothing", "0.5"]
+    line = ["--prior-weight", "2", "--prior-weight", "3", "--reward-deviation", "5"]
     assert CliRunner().invoke(app_with(given), line).exit_code == 0
-    assert (given["prior_weights"], given["reirl_smoothing"]) == ([2.0, 3.0], [0.5])
+    assert (given["prior_weights"], given["reward_deviation"]) == ([2.0, 3.0], 5.0)
 
 
 def test_progress_without_a_terminal_is_a_line_every_half_minute_and_else_a_bar(

@@ -37,10 +37,19 @@ class ReferenceSettings(StrictModel):
 
 
 class ComparisonSettings(RecipeSettings):
-    """How the learners are compared; sizes count demonstrations, validation included."""
+    """How the learners are compared; sizes count demonstrations, validation included.
+
+    entropy_slack: of matched features, times the weights. reirl_...: candidate shares of
+    Hoeffding's thresholds, pseudo-counts of the sampling policy, sampled trajectories, decisions.
+    """
 
     repetitions: int = Field(ge=2)
     sizes: Sizes = Field(min_length=1)
+    entropy_slack: float = Field(0.001, ge=0)
+    reirl_threshold_shares: tuple[float, ...] = Field((0.0, 0.03, 0.1), min_length=1)
+    reirl_smoothing: tuple[float, ...] = Field((0.03, 0.1, 0.3), min_length=1)
+    reirl_samples: int = Field(500, ge=1)
+    reirl_sample_decisions: int = Field(210, ge=1)
 
 
 class BeliefSettings(StrictModel):

@@ -4,10 +4,12 @@ from itertools import islice
 
 import numpy as np
 import pytest
+import shapely
 
 from lab.crowd.corridor_measures import Corridor, measure_recording
 from lab.crowd.meetings import ROBOT, head_on, meetings_row, recorded_moments, simulated_moments
 from lab.crowd.ring_corridor import ring_corridor_crowd, weidmann_speed_mps
+from lab.crowd.straight_corridor import corridor_people
 from serd_files.trajectories.read import Track
 from serd_sim.crowd.crowd import Crowd
 from serd_sim.crowd.routes import Routes
@@ -157,3 +159,41 @@ def test_who_was_out_of_sight_meets_anew():
     moments = [(ids, np.array([0.0, gap]), np.array([0.0, y]), along_mps) for gap, y in ways]
     assert not len(head_on(moments))
     assert len(head_on([moments[0], moments[-1]])) == 2
+
+
+def turned_by(degrees):
+    cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    return np.array([[cos, sin], [-sin, cos]])
+
+
+def crossing(width_m, turn, rng):
+    """People through a corridor of 9 m, who all end farther to the right than they begin."""
+    times_s = np.arange(0.0, 9.0, 0.1)
+    tracks = []
+    for number in range(80):
+        begin_m = rng.uniform(0.2, width_m - 0.2)
+        end_m = rng.uniform(begin_m, width_m - 0.2)
+        across_m = np.interp(times_s, [0.0, 8.9], [begin_m, end_m])
+        places_m = np.stack([times_s + rng.uniform(0.0, 0.3), -across_m], axis=1) @ turn
+        tracks.append(Track(str(number), times_s + number, places_m))
+    return tracks
+
+
+@pytest.mark.parametrize(
+    ("width_m", "degrees"), [(3.0, 90.0), (3.6, 90.0), (4.0, 0.0), (3.0, 30.0)]
+)
+def test_people_who_cross_a_corridor_do_not_turn_it(width_m, degrees):
+    turn = turned_by(degrees)
+    tracks = crossing(width_m, turn, np.random.default_rng(7))
+    corners = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, -width_m], [0.0, -width_m]])
+    for area_m in (None, shapely.Polygon(corners @ turn)):
+        found = corridor_people(tracks, area_m)
+        assert found.axis == round(degrees / 90.0)
+        turned = [each for each in found.remarks if "turned" in each]
+        assert len(turned) == (degrees == 30.0)
+        across = np.concatenate([t.position_m[:, 1 - found.axis] for t in found.tracks])
+        assert np.ptp(across) == pytest.approx(width_m - 0.4, abs=0.35)
+        if area_m is not None:
+            low, high = found.sides_m
+            assert high - low == pytest.approx(width_m, abs=0.01)
+            assert low < across.min() < across.max() < high

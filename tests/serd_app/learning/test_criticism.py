@@ -34,7 +34,15 @@ from tests.serd_app.learning.test_durations import (
     demonstrations,
 )
 
-KEYS = {"joint_dynamics", "rollouts", "ways", "arrival_times", "outcomes", "held_out_moves"}
+KEYS = {
+    "joint_dynamics",
+    "rollouts",
+    "ways",
+    "arrival_times",
+    "outcomes",
+    "dwell_times",
+    "held_out_moves",
+}
 DRIVES = demonstrations(12)
 
 
@@ -81,6 +89,11 @@ def test_choices_that_contradict_the_moves_leave_dynamics_to_the_counts():
     counts = estimate_dynamics(PROBLEM, drives)
     table = MODEL.outcomes.local_probabilities(counts[: MODEL.outcomes.n_energies])
     np.testing.assert_allclose(outcome.model.outcome_probabilities, table, atol=0.1)
+    shown = np.array([row.counted for row in outcome.both]).reshape(table.shape)
+    used = PROBLEM.outcome_models.model_of[drives.state, drives.action]
+    well_known = np.bincount(used, minlength=len(table)) >= 20
+    np.testing.assert_allclose(shown[well_known], table[well_known], atol=0.1)
+    assert all(row.joint_lower < row.joint < row.joint_upper for row in outcome.both)
     # What moves leave open stays open.
     assert np.std(outcome.model.draws.learned, axis=0)[0].max() > 0.0
 

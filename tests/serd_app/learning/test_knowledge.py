@@ -162,12 +162,3 @@ def test_fits_have_standard_errors_also_where_decisions_take_the_same_time(outco
     n = outcome.knowledge.by_model[MODEL_NAMES[WITH_FLOW]][0].decisions
     expected = np.sqrt(forward * (1.0 - forward) / n)
     assert errors[WITH_FLOW, Outcome.FORWARD] == pytest.approx(expected, rel=0.5)
-
-
-def test_a_weight_that_decisions_leave_open_is_named(decisions):
-    """Choices of one cell, all by one action."""
-    model_of = PROBLEM.outcome_models.model_of[decisions.state, decisions.action]
-    seen = decisions.select(np.flatnonzero(model_of == WITH_FLOW)[:20])
-    few = certainty_with(seen, minimum_decisions=1)
-    assert not few.identifiability.identified
-    assert set(few.open_rewards) <= set(PROBLEM.feature_names)

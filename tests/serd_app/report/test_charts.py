@@ -4,7 +4,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.container import BarContainer, ErrorbarContainer
 
-from serd_app.learning.knowledge import Knowledge, OutcomeRow
+from serd_app.learning.knowledge import DynamicsRow
 from serd_app.report.charts import (
     OUTCOME_LABELS,
     draw_comparison,
@@ -47,14 +47,24 @@ def bars(figure, panel=0):
     return [c for c in figure.axes[panel].containers if isinstance(c, BarContainer)]
 
 
+def rows_of(counted, joint, ends=(np.nan, np.nan)):
+    return [
+        DynamicsRow(model, outcome, np.nan, counted[m][k], np.nan, ends[0], joint[m][k], ends[1])
+        for m, model in enumerate(MODEL_NAMES)
+        for k, outcome in enumerate(OUTCOME_LABELS)
+    ]
+
+
 def test_bars_have_the_lengths_of_the_probabilities():
     before = dict(mpl.rcParams)
-    initial, learned = np.random.default_rng(0).dirichlet(np.ones(5), size=(2, 4))
-    figure = draw_outcomes(MODEL_NAMES, initial, learned, np.array([455, 0, 1, 13]))
+    counted, joint = np.random.default_rng(0).dirichlet(np.ones(5), size=(2, 4))
+    decisions = dict(zip(MODEL_NAMES, (455, 0, 1, 13), strict=True))
+    figure = draw_outcomes(rows_of(counted, joint), decisions, {})
     counts = ["455 decisions", "0 decisions", "1 decision", "13 decisions"]
     for i, axes in enumerate(figure.axes):
-        for drawn, table in zip(bars(figure, i), (initial, learned), strict=True):
+        for drawn, table in zip(bars(figure, i), (counted, joint), strict=True):
             np.testing.assert_allclose([bar.get_height() for bar in drawn], table[i])
+        assert not [each for each in axes.containers if isinstance(each, ErrorbarContainer)]
         assert axes.get_title(loc="left") == MODEL_NAMES[i].replace("_", " ")
         assert counts[i] in [text.get_text() for text in axes.texts]
     assert png_bytes(figure)
@@ -62,25 +72,17 @@ def test_bars_have_the_lengths_of_the_probabilities():
 
 
 def test_the_posterior_is_drawn_with_its_sources_and_the_prior_alone_pale():
-    table = np.full((4, 5), 0.2)
-    rows = tuple(
-        OutcomeRow(
-            model, outcome, 3.0, 0.1, 0.15 + 0.01 * m, 0.6, known, known, 1.0, 0.5, 0.2, "goal"
-        )
-        for m, (model, known) in enumerate(
-            zip(MODEL_NAMES, ("counts", PRIOR_ONLY, "choices", "counts and choices"), strict=True)
-        )
-        for outcome in OUTCOME_LABELS
-    )
-    counts = np.array([3, 0, 1, 1])
-    figure = draw_outcomes(MODEL_NAMES, table, table, counts, Knowledge(rows, ()))
+    table = np.full((4, 5), 0.2) + 0.01 * np.arange(4)[:, None]
+    sources = ("counts", PRIOR_ONLY, "choices", "counts and choices")
+    known = dict(zip(MODEL_NAMES, sources, strict=True))
+    figure = draw_outcomes(rows_of(table, table, (0.1, 0.6)), dict.fromkeys(MODEL_NAMES, 1), known)
     for i, axes in enumerate(figure.axes):
         (limits,) = (each for each in axes.containers if isinstance(each, ErrorbarContainer))
-        np.testing.assert_allclose(limits[0].get_ydata(), 0.15 + 0.01 * i)
+        np.testing.assert_allclose(limits[0].get_ydata(), 0.2 + 0.01 * i)
         np.testing.assert_allclose(
             [ends[:, 1] for ends in limits[2][0].get_segments()], [[0.1, 0.6]] * 5
         )
         assert bars(figure, i)[1][0].get_alpha() == (0.3 if i == 1 else 1.0)
         texts = "".join(text.get_text() for text in axes.texts)
-        assert f"known from: {rows[5 * i].known_from}" in texts
+        assert f"known from: {sources[i]}" in texts
     assert png_bytes(figure)

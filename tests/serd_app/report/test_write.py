@@ -7,12 +7,14 @@ from html.parser import HTMLParser
 
 import pytest
 
-from serd_app.learning.knowledge import knowledge_of, posterior_of
+from serd_app.learning.knowledge import DynamicsRow, knowledge_of, posterior_of
 from serd_app.navigation.comparison import Agreement, agreement
+from serd_app.report.charts import OUTCOME_LABELS
 from serd_app.report.inputs import FileLink, PhaseTiming
 from serd_app.report.summary import summary_of
 from serd_app.report.write import write_report
 from serd_core.learners.serd import fit_mdce_serd
+from serd_files.model_file import Check
 
 FIGURES = {"visitation", "policy", "arrival", "forecast", "outcomes"}
 VOID = {"meta", "img", "br", "link", "hr", "input"}
@@ -145,3 +147,35 @@ def test_a_fit_with_a_posterior_shows_what_it_knows(known, tmp_path):
         ends = law.over_forward_median_s, law.over_forward_lower_s, law.over_forward_upper_s
         assert "{:.3g} ({:.3g} to {:.3g})".format(*ends) in page.text
     assert (tmp_path / "figures" / "gain.svg").exists()
+
+
+def test_counted_and_joint_outcomes_are_side_by_side_with_which_was_taken(tmp_path, inputs):
+    """One row of the table for each outcome, and the sentence of the check below it."""
+    problem, model = inputs.strategy.problem, inputs.strategy.problem.model_names[0]
+    rows = tuple(
+        DynamicsRow(name, outcome, 0.1, 0.25 + k / 100, 0.4, 0.2, 0.35 + k / 100, 0.5)
+        for name in problem.model_names
+        for k, outcome in enumerate(OUTCOME_LABELS)
+    )
+    check = Check(key="joint_dynamics", mark="holds", sentence="dynamics are counted, as it is so")
+    file = inputs.strategy.file.model_copy(update={"checks": (check,)})
+    strategy = replace(inputs.strategy, file=file)
+    shown = replace(inputs, both=rows, strategy=strategy, knowledge=None)
+    page = write_report(shown, tmp_path).page.read_text(encoding="utf-8")
+    table = page[page.index('<table class="numbers outcomes">') :].split("</table>")[0]
+    assert table.count("<tr>") == 1 + (1 + len(OUTCOME_LABELS)) * len(problem.used_models)
+    cells = re.findall(r"<td>(.*?)</td>", table, re.DOTALL)
+    assert [re.sub("<[^>]+>", "", each).strip() for each in cells[:3]] == [
+        "25.0 % (10.0 to 40.0)",
+        "35.0 % (20.0 to 50.0)",
+        "moves",
+    ]
+    assert "known from" in table
+    assert (
+        f">{model.replace('_', ' ')}, {summary_of(shown)['decisions_per_model'][model]} dec"
+        in table
+    )
+    assert "drives by: dynamics are counted, as it is so." in page
+    without = write_report(replace(inputs, knowledge=None), tmp_path).page.read_text()
+    first = f"{100 * inputs.fit.initial_outcome_probabilities[0, 0]:.1f} %"
+    assert re.search(rf"<td>\s*{re.escape(first)}\s*</td>", without)

@@ -137,3 +137,82 @@ def test_of_two_columns_of_times_one_must_be_named_but_a_time_is_preferred_to_fr
         np.testing.assert_allclose(np.diff(track.time_s), np.diff(time_s), atol=1e-4)
     (track,) = read(tmp_path, wide("x y").assign(frame=STEPS)).tracks
     np.testing.assert_allclose(np.diff(track.time_s), 0.1, rtol=1e-5)
+
+
+#: Headers of a robot and people, and what is read without a mapping: the ids of people.
+CERTAIN = {
+    "Robot_X Robot_Y Ped_1_X Ped_1_Y": ["ped_1"],
+    "robot_x_m robot_y_m human_x_m human_y_m": ["human"],
+    "robotx roboty ped1x ped1y": ["ped_1"],
+    "robotX robotY pedX pedY": ["ped"],
+    "X_robot Y_robot X_ped1 Y_ped1": ["ped_1"],
+    "robot-x robot-y ped-1-x ped-1-y": ["ped_1"],
+    "robot/pose/x robot/pose/y person/x person/y": ["person"],
+    "robot.x robot.y people[0].x people[0].y": ["people_0"],
+    "robot_px robot_py human0_px human0_py human0_vx human0_vy": ["human_0"],
+    "ego_x ego_y agent_0_x agent_0_y": ["agent_0"],
+    "robot_x robot_y ped_x_1 ped_y_1 ped_x_2 ped_y_2": ["ped_1", "ped_2"],
+    "robot_x robot_y nearestx nearesty": [],
+    "robot_x robot_y robot_goal_x robot_goal_y ped_x ped_y": ["ped"],
+}
+#: Headers that are refused with a mapping, and the people whom its first one reads.
+REFUSED = {
+    "rx ry p1x p1y": ["p_1"],
+    "xr yr xh yh": ["h"],
+    "x_r y_r x_h y_h": ["h"],
+    "pose_x pose_y human1_pos_x human1_pos_y": ["human_1"],
+    "base_link_x base_link_y person1_x person1_y": ["person_1"],
+    "turtlebot_x turtlebot_y human_x human_y": ["human"],
+    "x y ped1_x ped1_y": ["ped_1"],
+    "robot1_x robot1_y robot2_x robot2_y ped_x ped_y": ["ped"],
+    "jackalx jackaly odomx odomy": [],
+    "robot_east robot_north": [],
+}
+
+
+def require_robot_among(found, names, people):
+    """The robot, these people, and a sentence with each pair of coordinates that is neither."""
+    drive, *others = found.drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+    assert not others
+    assert [track.agent for track in found.people] == people
+    n_left = len(names.split()) // 2 - 1 - len(people) - names.count("_vx")
+    (said,) = [each for each in found.assumed if "not used" in each] or [""]
+    assert said.split(" are not used")[0].count(", ") == n_left
+
+
+@pytest.mark.parametrize("names", CERTAIN)
+def test_a_header_that_names_a_robot_is_read_and_each_unused_pair_named(tmp_path, names):
+    require_robot_among(drives(tmp_path, wide(names)), names, CERTAIN[names])
+
+
+@pytest.mark.parametrize("names", REFUSED)
+def test_a_header_without_one_robot_is_refused_with_a_mapping_that_works(tmp_path, names):
+    with pytest.raises(FileError) as raised:
+        read(tmp_path, wide(names))
+    first, *_ = mappings_in(raised.value)
+    require_robot_among(drives(tmp_path, wide(names), first), names, REFUSED[names])
+
+
+@pytest.mark.parametrize(
+    ("names", "mapping"),
+    [
+        ("person_id person_x person_y robot_x robot_y", ""),
+        ("human_id human_pos_x human_pos_y robot_pos_x robot_pos_y", ""),
+        ("id x y robotx roboty", ""),
+        ("agent x y ego_x ego_y", ""),
+        ("pid px py robot_px robot_py", "{agent: pid}"),
+    ],
+)
+def test_people_by_row_are_read_beside_the_robot_that_each_row_repeats(tmp_path, names, mapping):
+    given = ["column", "x", "y", "robot_x", "robot_y"]
+    table = rows_of_people(PEOPLE).rename(columns=dict(zip(given, names.split(), strict=True)))
+    if mapping:
+        with pytest.raises(FileError) as raised:
+            read(tmp_path, table)
+        assert mappings_in(raised.value)[0] == mapping
+    found = drives(tmp_path, table, mapping)
+    (drive,) = found.drives
+    np.testing.assert_allclose(drive.position_m, ROBOT, atol=1e-9)
+    for track, places in zip(found.people, PEOPLE, strict=True):
+        np.testing.assert_allclose(track.position_m, places, atol=1e-9)

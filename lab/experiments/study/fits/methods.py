@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lab.bench.given import counted_draws
+from lab.experiments.study.fits.baselines import mdce_irl_entropy, relative_entropy_irl
 from serd_app.learning import methods as product
 from serd_app.learning.methods import FitData, MethodResult
 from serd_core.arrays import FloatArray, IntArray
@@ -131,8 +132,8 @@ METHODS: dict[str, Method] = {
     "SERD, free belief": by(product.mdce_serd_free),
     "SERD, evidence": lambda trial: learned_from_fit(trial.problem, trial.by_evidence),
     "MDCE IRL, likelihood": by(product.mdce_irl),
-    "MDCE IRL, entropy": by(product.mdce_irl_entropy),
-    "REIRL": by(product.relative_entropy_irl),
+    "MDCE IRL, entropy": by(mdce_irl_entropy),
+    "REIRL": by(relative_entropy_irl),
     "cloning": behavioural_cloning,
 }
 #: As one of `METHODS` that the robot drives by, with other predictions of the expert's actions.

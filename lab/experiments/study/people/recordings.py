@@ -13,11 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lab.crowd.straight_corridor import corridor_people, longest_step_s
+from lab.crowd.straight_corridor import CorridorPeople, corridor_people, longest_step_s
 from lab.experiments.study.people.settings import GridSettings, PeopleSettings
 from serd_app.demonstrations.decision_table import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.drives.drive import EpisodeSpan, RecordedDrive
+from serd_app.places.free_area import read_area_m
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
 from serd_core.errors import SerdError
@@ -100,21 +101,18 @@ def read_runs(
 
 def _run(path: Path, found: Trajectories, settings: PeopleSettings) -> Run:
     left_out = Counter[str]()
-    tracks, along, remarks = _in_corridor(
-        path, _without_jumps(path, found.tracks, left_out), left_out
-    )
-    across = 1 - along
-    through = _through(tracks, along)
-    low, high = np.percentile(
-        np.concatenate([t.position_m[:, across] for t in through]), [0.5, 99.5]
-    )
+    people = _in_corridor(path, _without_jumps(path, found.tracks, left_out), settings)
+    if people.n_apart:
+        left_out["away from the corridor"] = people.n_apart
+    tracks, along, across = people.tracks, people.axis, 1 - people.axis
+    low, high = people.sides_m or _sides_m(tracks, along)
     ends = np.array([sorted(t.position_m[[0, -1], along]) for t in tracks])
     origin = np.zeros(2)
     origin[along], origin[across] = np.median(ends, axis=0).mean(), (low + high) / 2
     ways = [_turned(track, along, origin) for track in tracks]
     begin = float(np.percentile([way[1][0, 0] for way in ways], 90))
     end = float(np.percentile([way[1][-1, 0] for way in ways], 10))
-    width_m = float(high - low + 2 * BODY_RADIUS_M)
+    width_m = float(high - low)
     grid = _grid(path, begin, end, width_m, settings.grid)
     walkers, tables = list[Walker](), list[TimedDecisions]()
     for track, (sign, places) in zip(tracks, ways, strict=True):
@@ -132,7 +130,7 @@ def _run(path: Path, found: Trajectories, settings: PeopleSettings) -> Run:
             f" {len(walkers)} of {len(found.tracks)}{f' ({reasons})' if reasons else ''}; check its"
             " columns and units by --mapping, or record more people"
         )
-    assumed = (*found.assumed, *remarks)
+    assumed = (*found.assumed, *people.remarks)
     return Run(path.stem, grid, width_m, tuple(walkers), concatenate(tables), left_out, assumed)
 
 
@@ -167,17 +165,20 @@ def _without_jumps(
     return tuple(kept)
 
 
-def _in_corridor(
-    path: Path, tracks: Sequence[Track], left_out: Counter[str]
-) -> tuple[tuple[Track, ...], int, tuple[str, ...]]:
-    """(those in the corridor, the axis along it, what was turned or left out)."""
+def _in_corridor(path: Path, tracks: Sequence[Track], settings: PeopleSettings) -> CorridorPeople:
+    """Those in the corridor, which the settings may state as an area."""
+    area_m = read_area_m(Path(settings.area)) if settings.area else None
     try:
-        people = corridor_people(tracks)
+        return corridor_people(tracks, area_m)
     except SimError as error:
         raise SerdError(f"{path}: {error}") from None
-    if people.n_apart:
-        left_out["away from the corridor"] = people.n_apart
-    return people.tracks, people.axis, people.remarks
+
+
+def _sides_m(tracks: Sequence[Track], along: int) -> tuple[float, float]:
+    """The walls by where people walk: their centres keep a body's radius away."""
+    across = np.concatenate([t.position_m[:, 1 - along] for t in _through(tracks, along)])
+    low, high = np.percentile(across, [0.5, 99.5])
+    return float(low) - BODY_RADIUS_M, float(high) + BODY_RADIUS_M
 
 
 def _through(tracks: Sequence[Track], along: int) -> list[Track]:

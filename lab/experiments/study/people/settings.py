@@ -43,11 +43,13 @@ class PeopleSettings(StrictModel):
     """Everything that decides what comes out of the people study.
 
     training_people: at most so many are learned from; patience_s, wait_s: see `DecisionEpochs`;
-    discount: per second.
+    discount: per second. area: file of the walkable area (WKT, GeoJSON), empty for where people
+    were.
     """
 
     files: tuple[str, ...] = Field(min_length=1)
     columns: TableColumns = TableColumns()
+    area: str = ""
     grid: GridSettings
     training_people: int = Field(ge=10)
     patience_s: float = Field(gt=0)
@@ -63,6 +65,7 @@ def people_settings(
     files: Sequence[Path],
     *,
     mapping: TableColumns | None = None,
+    area: Path | None = None,
     quick: bool = False,
     config: Path | None = None,
 ) -> PeopleSettings:
@@ -70,4 +73,6 @@ def people_settings(
     given: dict[str, Any] = {"files": [str(path) for path in files]}
     if mapping is not None:
         given["columns"] = mapping.model_dump(mode="json")
+    if area is not None:
+        given["area"] = str(area)
     return merged_settings(PeopleSettings, YAML, quick=quick, config=config, given=given)
