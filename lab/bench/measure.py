@@ -113,7 +113,8 @@ class Batch:
     def missing(self) -> list[tuple[int, int]]:
         """(size, seed) of the cases that have not been measured."""
         done = {(row["size"], row["seed"]) for row in self.rows()}
-        n_seeds = min(self.n_seeds, self.method.most_seeds or self.n_seeds)
+        limits = self.n_seeds, self.method.most_seeds, TASKS[self.task].most_seeds
+        n_seeds = min(limit for limit in limits if limit is not None)
         cases = [(size, seed) for size in TASKS[self.task].sizes for seed in range(n_seeds)]
         return [case for case in cases if case not in done]
 

@@ -10,7 +10,7 @@ import serd_core as sc
 from lab.bench.given import averaged, counted_draws, decisions_of, problem_of
 
 TITLE, REQUIREMENTS = "IRL, counted dynamics, same prior", ()
-N_DRAWS = 64
+N_DRAWS, N_OF_INTERVALS = 64, 400
 
 
 def learn(given):
@@ -19,11 +19,13 @@ def learn(given):
     decisions = decisions_of(given)
     fit = sc.fit_mdce_irl_by_likelihood(problem, decisions, prior=sc.PriorByEvidence())
     rng = np.random.default_rng(0)
-    weights = sc.laplace_draws(sc.laplace(problem, decisions, fit), rng, N_DRAWS).reward
-    tables = counted_draws(problem, decisions, fit, N_DRAWS, rng)
+    posterior = sc.laplace(problem, decisions, fit)
+    weights = sc.laplace_draws(posterior, rng, N_OF_INTERVALS).reward
+    tables = counted_draws(problem, decisions, fit, N_OF_INTERVALS, rng)
+    few = weights[:N_DRAWS], tables[:N_DRAWS]
     return {
-        "policy": averaged(problem, weights, tables),
-        "transfer_policy": averaged(transfer, weights, tables),
+        "policy": averaged(problem, *few),
+        "transfer_policy": averaged(transfer, *few),
         "weights": fit.reward_weights,
         "table": tables.mean(axis=0),
         "draws_weights": weights,

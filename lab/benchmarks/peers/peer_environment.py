@@ -4,6 +4,7 @@ Scripts run there and exchange files with the benchmark, so that no peer is a de
 project or meets its versions.
 """
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -24,15 +25,18 @@ class PeerError(RuntimeError):
 def peer_python(name: str, requirements: Sequence[str]) -> Path:
     """Interpreter of the environment of a name; installs the requirements where that is due.
 
-    An environment is kept as long as its requirements and the Python version stay the same.
-    PeerError where pip fails.
+    An environment is kept as long as its requirements and the Python version stay the same; who
+    asks while another installs it waits. PeerError where pip fails.
     """
     folder = ENVIRONMENTS / name
     python, stamp = folder / "bin" / "python", folder / STAMP
     contents = "\n".join([f"# Python {sys.version}", *requirements])
-    if not (stamp.is_file() and stamp.read_text() == contents):
-        _install(name, requirements, folder, python)
-        stamp.write_text(contents)
+    ENVIRONMENTS.mkdir(parents=True, exist_ok=True)
+    with (ENVIRONMENTS / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (stamp.is_file() and stamp.read_text() == contents):
+            _install(name, requirements, folder, python)
+            stamp.write_text(contents)
     return python
 
 
