@@ -53,6 +53,11 @@ EXPERIMENTS = {
         ("durations", "durations", "what choices reveal of how long an avoided move takes"),
         ("avoidance", "avoidance", "plans that avoid what few demonstrations leave open"),
         ("rust", "rust", "bus engine replacement (Rust 1987)"),
+        (
+            "standard-errors",
+            "standard_errors",
+            "standard errors of misspecified experts against Monte Carlo",
+        ),
     )
 }
 

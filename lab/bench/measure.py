@@ -79,12 +79,17 @@ class Method:
         return [sys.executable], os.environ | {"PYTHONPATH": path}
 
 
-#: By name: SERD, the project's other methods, other libraries.
+#: By name: SERD, IRL under its prior, the project's other methods, other libraries.
 METHODS = {
     each.name: each
     for each in sorted(
         (Method(path.stem) for path in _FILES.glob("[!_]*.py")),
-        key=lambda method: (bool(method.requirements), method.name != "serd", method.name),
+        key=lambda method: (
+            bool(method.requirements),
+            method.name != "serd",
+            method.name != "irl_same_prior",
+            method.name,
+        ),
     )
 }
 
