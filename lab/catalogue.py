@@ -69,7 +69,7 @@ BENCHMARKS = {
         ("driving", "crowd_step", "a step of 30 to 1,000 people, against JuPedSim"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
         ("learning", "calibration", "ranks of the truth among draws, in seven kinds of worlds"),
-        ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
+        ("learning", "gradient", "objective and gradient against the thesis's computation"),
         ("learning", "joint_dynamics", "alarms of the rule for joint or counted dynamics"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
         ("recordings", "broken_bags", "messages saved of broken recordings, against two libraries"),

@@ -198,10 +198,12 @@ def _cell(row: Row, name: str, mark: float) -> str:
     value, half = row.get(name), row.get(f"{name} ±")
     if value is None or np.isnan(value):
         return "–"
-    known = half is not None and 0.0 < half < 1.0
-    digits = 1 - int(np.floor(np.log10(half))) if known else 3
-    width = f"±{half:.{digits}f}" if known else ""
-    return f"{value:.{digits}f}{width}{ {1: '▲', -1: '▼'}.get(mark, '') }".replace("-", "−")
+    digits, width = 3, ""
+    if half is not None and 0.0 < half < 1.0:
+        digits = 1 - int(np.floor(np.log10(half)))
+        width = f"±{half:.{digits}f}"
+    sign = "▲" if mark > 0 else "▼" if mark < 0 else ""
+    return f"{value:.{digits}f}{width}{sign}".replace("-", "−")
 
 
 def _share(row: Mapping[str, float], name: str) -> str:
