@@ -66,7 +66,7 @@ BENCHMARKS = {
     name.replace("_", "-"): Work(f"lab.benchmarks.{folder}.{name}", about)
     for folder, name, about in (
         ("driving", "closed_loop", "256 episodes: people as given and from scans"),
-        ("driving", "crowd_step", "a step of 30 to 1,000 people, against JuPedSim"),
+        ("driving", "crowd_step", "a step of 30 to 1,000 people"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
         ("learning", "calibration", "ranks of the truth among draws, in seven kinds of worlds"),
         ("learning", "gradient", "objective and gradient against the thesis's computation"),

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from lab.bench import methods, worker
+from lab.bench.environment import environment_apart, peer_python
 from lab.bench.tasks import TASKS
-from lab.benchmarks.peers.peer_environment import environment_apart, peer_python
 from lab.experiments.running.tables import Row
 
 _FILES = Path(methods.__file__).parent

@@ -80,12 +80,17 @@ def direction(gains: FloatArray) -> int:
     return 1 if np.median(gains) > 0 else -1
 
 
-def page(rows: Rows, absent: Mapping[str, str], figure: str) -> str:
-    """The document; absent: why tasks and methods are not measured, by name; figure: its file."""
+def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
+    """The document; absent: why tasks and methods are not measured, by name.
+
+    folder: of bench.csv and bench.png, from that of the page, with its slash.
+    """
     table = table_of(rows)
     reasons = _reasons(rows, absent)
     parts = [
-        [INTRODUCTION.read_text().rstrip(), "", f"![every method on every task]({figure})", ""],
+        [INTRODUCTION.read_text()],
+        [f"![every method on every task, means with intervals]({folder}bench.png)", ""],
+        [f"All numbers, with intervals: [bench.csv]({folder}bench.csv).", ""],
         ["## What joint estimation adds", "", *_gains(table), ""],
         ["## Methods", "", *_by_method(table), ""],
         ["## Log-likelihood by task", "", *_by_task(table, reasons), ""],
@@ -103,20 +108,14 @@ def _lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _gains(table: pd.DataFrame) -> list[str]:
     """SERD less IRL under the same prior, per task and size, and the coverage of both."""
+    ours, other = (table[table["method"] == METHODS[name].title] for name in (OURS, SAME_PRIOR))
+    pairs = ours.merge(other, on=["task", "demonstrations"], suffixes=(" of SERD", ""), sort=False)
     heads = [f"{name}, SERD better by" for name in SCORES]
     heads += [f"{name}: SERD, IRL" for name in COVERAGES]
-    by_method = dict(iter(table.groupby("method")))
-    ours, other = (by_method.get(METHODS[name].title) for name in (OURS, SAME_PRIOR))
-    if ours is None or other is None:
-        return []
-    pairs = ours.merge(other, on=["task", "demonstrations"], suffixes=(" of SERD", ""), sort=False)
     rows = [
         [f"{row['task']}, {row['demonstrations']}"]
-        + [
-            _cell(row, f"{name}: SERD better by", -row.get(f"{name}: against SERD", 0))
-            for name in SCORES
-        ]
-        + [f"{_share(row, f'{name} of SERD')}, {_share(row, name)}" for name in COVERAGES]
+        + [_cell(row, f"{n}: SERD better by", -row.get(f"{n}: against SERD", 0)) for n in SCORES]
+        + [f"{_number(row.get(f'{n} of SERD'))}, {_number(row.get(n))}" for n in COVERAGES]
         for row in pairs.to_dict("records")
     ]
     return _lines(["task, demonstrations", *heads], rows)
@@ -124,45 +123,30 @@ def _gains(table: pd.DataFrame) -> list[str]:
 
 def _by_method(table: pd.DataFrame) -> list[str]:
     """In how many cells a method is better and worse than SERD, coverage and times."""
-    heads = [f"{name}: better, worse than SERD" for name in SCORES]
-    heads += [*COVERAGES, "s, warm", "s, cold"]
-    rows = []
-    for method in METHODS.values():
-        here = table[table["method"] == method.title]
-        if not len(here):
-            continue
-        row = [method.title]
+    means, rows = (*COVERAGES, "warm_s", "cold_s"), []
+    for title, here in table.groupby("method", sort=False):
+        row = [str(title)]
         for name in SCORES:
             marks = here.get(f"{name}: against SERD", pd.Series(dtype=float)).dropna()
-            row.append(
-                f"{(marks > 0).sum()}, {(marks < 0).sum()} of {len(marks)}" if len(marks) else "–"
-            )
-        means = {name: here[name].mean() for name in COVERAGES if name in here}
-        row += [_share(means, name) for name in COVERAGES]
-        row += [_number(here[name].median()) for name in ("warm_s", "cold_s")]
-        rows.append(row)
-    return _lines(["method", *heads], rows)
+            counts = f"{(marks > 0).sum()}, {(marks < 0).sum()} of {len(marks)}"
+            row.append(counts if len(marks) else "–")
+        rows.append(row + [_number(here[name].mean() if name in here else None) for name in means])
+    heads = [f"{name}: better, worse than SERD" for name in SCORES]
+    return _lines(["method", *heads, *COVERAGES, "s, warm", "s, cold"], rows)
 
 
 def _by_task(table: pd.DataFrame, reasons: Mapping[tuple[str, str], str]) -> list[str]:
     """A row per task and size, a column per method; where there is no number, why."""
     marks, rows = _marks(reasons), []
-    cells = {(r["task"], r["demonstrations"], r["method"]): r for r in table.to_dict("records")}
-    for name, task in TASKS.items():
-        for size in task.sizes:
-            row = [f"{name}, {size}"]
-            for method in METHODS.values():
-                found = cells.get((name, size, method.title))
-                reason = reasons.get((name, method.name))
-                row.append(
-                    _cell(found, "log-likelihood", found.get("log-likelihood: against SERD", 0))
-                    if found
-                    else f"({marks[reason]})"
-                    if reason
-                    else "–"
-                )
-            if any(key[:2] == (name, size) for key in cells):
-                rows.append(row)
+    for (task, size), here in table.groupby(["task", "demonstrations"], sort=False):
+        cells = {row["method"]: row for row in here.to_dict("records")}
+        row = [f"{task}, {size}"]
+        for name, method in METHODS.items():
+            found, reason = cells.get(method.title), reasons.get((task, name))
+            why = f"({marks[reason]})" if reason else "–"
+            mark = found.get("log-likelihood: against SERD", 0) if found else 0
+            row.append(_cell(found, "log-likelihood", mark) if found else why)
+        rows.append(row)
     return _lines(["task, demonstrations", *(m.title for m in METHODS.values())], rows)
 
 
@@ -206,10 +190,5 @@ def _cell(row: Row, name: str, mark: float) -> str:
     return f"{value:.{digits}f}{width}{sign}".replace("-", "−")
 
 
-def _share(row: Mapping[str, float], name: str) -> str:
-    value = row.get(name)
-    return "–" if value is None or np.isnan(value) else f"{value:.2f}"
-
-
-def _number(value: float) -> str:
-    return "–" if np.isnan(value) else f"{value:.2g}"
+def _number(value: float | None) -> str:
+    return "–" if value is None or np.isnan(value) else f"{value:.2g}"

@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 
 from lab import RESULTS
+from lab.bench.environment import PeerError
 from lab.bench.figure import bench_figure
 from lab.bench.measure import METHODS, Batch
 from lab.bench.page import page, table_of
 from lab.bench.tasks import TASKS
-from lab.benchmarks.peers.peer_environment import PeerError
 from lab.experiments.running.experiment import write_files
 from lab.experiments.running.provenance import recorded
 from lab.kept import keep
@@ -61,8 +61,8 @@ def bench(
     }
     table = table_of(rows)
     write_files(output, {"bench.csv": table, "bench.png": bench_figure(table)})
-    target, figure = (output / "bench.md", "bench.png") if quick else (PAGE, "results/bench.png")
-    atomic_write_text(target, page(rows, absent, figure))
+    target, folder = (output / "bench.md", "") if quick else (PAGE, "results/")
+    atomic_write_text(target, page(rows, absent, folder))
     print(f"table: {output / 'bench.csv'}\npage: {target}")
     if not quick and output == RESULTS / "bench":
         keep()

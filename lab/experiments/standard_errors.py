@@ -5,7 +5,6 @@ deviation of its estimates is what a standard error should be: by Laplace (inver
 the sandwich with scores summed by decision (White 1982) or by episode (Liang and Zeger 1986).
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -41,33 +40,18 @@ def run_standard_errors(config: StandardErrorsConfig, session: Session) -> Findi
     return Findings(summary, {"estimates.csv": table, "summary.csv": summary})
 
 
-def _soft(world: World) -> FloatArray:
-    return world.policy(world.problem)
-
-
-def _greedy(world: World) -> FloatArray:
-    best = sc.optimal_policy(world.problem, world.weights, world.truth).probabilities
-    return np.asarray(GREEDY * best + (1.0 - GREEDY) / best.shape[1])
-
-
-def _boltzmann(world: World) -> FloatArray:
-    given = world.problem, world.weights, world.truth, TEMPERATURE
-    return sc.boltzmann_policy(*given).probabilities
-
-
-def _short_sighted(world: World) -> FloatArray:
-    plain = world.problem
-    mdp = sc.Mdp(plain.mdp.transitions, OTHER_DISCOUNT)
-    problem = sc.TabularProblem(mdp, plain.features, plain.feature_names)
-    return sc.soft_policy(problem, world.weights, world.truth).probabilities
-
-
-EXPERTS: dict[str, Callable[[World], FloatArray]] = {
-    "as assumed": _soft,
-    "greedy but for a tenth": _greedy,
-    "Boltzmann over optimal Q": _boltzmann,
-    f"discount {OTHER_DISCOUNT:g} for 0.95": _short_sighted,
-}
+def experts(world: World) -> dict[str, FloatArray]:
+    """(S, A) policies by name, of which the first is the one that learners assume."""
+    plain, given = world.problem, (world.problem, world.weights, world.truth)
+    best = sc.optimal_policy(*given).probabilities
+    short = sc.Mdp(plain.mdp.transitions, OTHER_DISCOUNT)
+    other = sc.TabularProblem(short, plain.features, plain.feature_names)
+    return {
+        "as assumed": world.policy(plain),
+        "greedy but for a tenth": GREEDY * best + (1.0 - GREEDY) / best.shape[1],
+        "Boltzmann over optimal Q": sc.boltzmann_policy(*given, TEMPERATURE).probabilities,
+        f"discount {OTHER_DISCOUNT:g} for 0.95": sc.soft_policy(other, *given[1:]).probabilities,
+    }
 
 
 def estimates(config: StandardErrorsConfig, number: int) -> list[Row]:
@@ -75,8 +59,7 @@ def estimates(config: StandardErrorsConfig, number: int) -> list[Row]:
     rows: list[Row] = []
     for place, (kind, family) in enumerate(WORLDS.items()):
         world = family(np.random.default_rng([config.seed, place]))
-        for expert, policy_of in EXPERTS.items():
-            policy = policy_of(world)
+        for expert, policy in experts(world).items():
             for size in config.sizes:
                 rng = np.random.default_rng([config.seed, place, size, number, 1])
                 decisions = sc.sample_decisions(

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 import serd_core as sc
-from lab.bench import worker
+from lab.bench import environment, worker
 from lab.bench.case import Case, Target, distinct_rows
 from lab.bench.measure import METHODS
 from lab.bench.page import direction, summary
 from lab.bench.tasks import TASKS
-from lab.benchmarks.peers import peer_environment
 from serd_core.errors import SerdError
 
 WORLDS = ("borders", "aliased", "hazard", "confounded", "misspecified", "durations")
@@ -100,7 +99,7 @@ def test_weights_of_which_a_method_states_no_interval_do_not_count(tmp_path):
 
 
 def test_who_asks_for_an_environment_while_another_installs_it_waits(tmp_path, monkeypatch):
-    monkeypatch.setattr(peer_environment, "ENVIRONMENTS", tmp_path)
+    monkeypatch.setattr(environment, "ENVIRONMENTS", tmp_path)
     installed, together = [], threading.Barrier(4)
 
     def install(name, _, folder, __):
@@ -110,9 +109,9 @@ def test_who_asks_for_an_environment_while_another_installs_it_waits(tmp_path, m
 
     def asked(_):
         together.wait()
-        return peer_environment.peer_python("one", ("a==1",))
+        return environment.peer_python("one", ("a==1",))
 
-    monkeypatch.setattr(peer_environment, "_install", install)
+    monkeypatch.setattr(environment, "_install", install)
     with ThreadPoolExecutor(4) as pool:
         found = set(pool.map(asked, range(4)))
     assert found == {tmp_path / "one" / "bin" / "python"}
@@ -167,7 +166,7 @@ def test_a_method_is_one_file_whose_refusals_and_failures_are_lines(tmp_path, ca
 
 def test_the_command_writes_table_and_page_and_goes_on_where_it_stopped(lab, tmp_path, monkeypatch):
     """A task of own methods, one without data, and a library that cannot be installed."""
-    monkeypatch.setattr(peer_environment, "ENVIRONMENTS", tmp_path / "environments")
+    monkeypatch.setattr(environment, "ENVIRONMENTS", tmp_path / "environments")
     for name in ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL"):
         monkeypatch.setenv(name, (tmp_path / "nowhere").as_uri())
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
@@ -190,7 +189,8 @@ def test_the_command_writes_table_and_page_and_goes_on_where_it_stopped(lab, tmp
     ours = [row for row in rows if row["method"] == "SERD"]
     assert all(float(row["log-likelihood"]) > -0.2 for row in ours)
     page = (folder / "bench.md").read_text()
-    assert "| hazard, 25 | " in page.partition("joint estimation adds")[2].partition("## ")[0]
+    first = page.partition("## What joint estimation adds")[2].partition("## ")[0]
+    assert "| hazard, 25 | " in first
     assert "- *rust* is not measured: --data must hold rust1987/a530875.asc" in page
     assert "- a: jax_joint must install (jax==" in page
     assert (folder / "bench.png").stat().st_size > 10_000

@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from lab.bench.worlds import confounded_world
-from lab.experiments.standard_errors import ERRORS, EXPERTS, summary_of
+from lab.experiments.standard_errors import ERRORS, experts, summary_of
 
 
 def test_errors_are_compared_with_the_spread_of_estimates_and_intervals_with_their_mean():
@@ -25,7 +25,7 @@ def test_errors_are_compared_with_the_spread_of_estimates_and_intervals_with_the
 
 def test_experts_other_than_the_first_are_not_soft_experts_of_the_world():
     world = confounded_world(np.random.default_rng(0))
-    assumed, *others = (policy_of(world) for policy_of in EXPERTS.values())
+    assumed, *others = experts(world).values()
     np.testing.assert_allclose(assumed, world.policy(world.problem))
     for policy in others:
         np.testing.assert_allclose(policy.sum(axis=1), 1.0)
