@@ -122,15 +122,16 @@ def _gains(table: pd.DataFrame) -> list[str]:
 
 
 def _by_method(table: pd.DataFrame) -> list[str]:
-    """In how many cells a method is better and worse than SERD, coverage and times."""
-    means, rows = (*COVERAGES, "warm_s", "cold_s"), []
+    """In how many cells a method is better and worse than SERD, mean coverage, median times."""
+    rows = []
     for title, here in table.groupby("method", sort=False):
         row = [str(title)]
         for name in SCORES:
             marks = here.get(f"{name}: against SERD", pd.Series(dtype=float)).dropna()
             counts = f"{(marks > 0).sum()}, {(marks < 0).sum()} of {len(marks)}"
             row.append(counts if len(marks) else "–")
-        rows.append(row + [_number(here[name].mean() if name in here else None) for name in means])
+        row += [_number(here[name].mean() if name in here else None) for name in COVERAGES]
+        rows.append(row + [_number(here[name].median()) for name in ("warm_s", "cold_s")])
     heads = [f"{name}: better, worse than SERD" for name in SCORES]
     return _lines(["method", *heads, *COVERAGES, "s, warm", "s, cold"], rows)
 
@@ -191,4 +192,4 @@ def _cell(row: Row, name: str, mark: float) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None or np.isnan(value) else f"{value:.2g}"
+    return "–" if value is None or np.isnan(value) else f"{value:#.2g}".rstrip(".")

@@ -8,7 +8,7 @@ from econirl.preferences.linear import LinearUtility
 
 TITLE = "econirl, NFXP"
 REQUIREMENTS = ("econirl==0.1.1", "jax==0.10.2", "numpy==2.4.6", "scipy==1.17.1")
-SEEDS = 10
+SEEDS = 6
 
 
 def learn(given):

@@ -18,7 +18,7 @@ REQUIREMENTS = (
     "imitation==1.0.1", "gymnasium==0.29.1", "stable-baselines3==2.2.1", "torch==2.15.0",
     "numpy==2.4.6",
 )  # fmt: skip
-MAX_STEPS, RATE = 300, 0.2
+SEEDS, MAX_STEPS, RATE = 20, 300, 0.2
 PLAN = mce_irl.mce_partition_fh
 
 
