@@ -53,6 +53,11 @@ EXPERIMENTS = {
         ("durations", "durations", "what choices reveal of how long an avoided move takes"),
         ("avoidance", "avoidance", "plans that avoid what few demonstrations leave open"),
         ("rust", "rust", "bus engine replacement (Rust 1987)"),
+        (
+            "standard-errors",
+            "standard_errors",
+            "standard errors of misspecified experts against Monte Carlo",
+        ),
     )
 }
 
@@ -61,7 +66,7 @@ BENCHMARKS = {
     name.replace("_", "-"): Work(f"lab.benchmarks.{folder}.{name}", about)
     for folder, name, about in (
         ("driving", "closed_loop", "256 episodes: people as given and from scans"),
-        ("driving", "crowd_step", "a step of 30 to 1,000 people, against JuPedSim"),
+        ("driving", "crowd_step", "a step of 30 to 1,000 people"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
         (
             "learning",
@@ -69,7 +74,7 @@ BENCHMARKS = {
             "whether 90 % intervals hold the truth, and their width, in seven kinds of worlds",
         ),
         ("learning", "calibration", "ranks of the truth among draws, in seven kinds of worlds"),
-        ("learning", "gradient", "objective and gradient against the thesis's computation; fits"),
+        ("learning", "gradient", "objective and gradient against the thesis's computation"),
         ("learning", "joint_dynamics", "alarms of the rule for joint or counted dynamics"),
         ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
         ("recordings", "broken_bags", "messages saved of broken recordings, against two libraries"),

@@ -46,7 +46,8 @@ KEPT = (
     Kept("robots", "summary.csv", "robots.png"),
     Kept("people", "summary.csv", "people.png"),
     Kept("durations", "summary.csv"),
-    Kept("bench", "bench.csv"),
+    Kept("standard-errors", "summary.csv"),
+    Kept("bench", "bench.csv", "bench.png"),
     Kept("broken-bags", "saved.csv"),
 )
 

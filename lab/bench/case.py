@@ -8,6 +8,7 @@ missing:
     table                    (R, K) probabilities of outcomes, discounted where moves take time
     draws_weights            (n, F) draws of the posterior, or of an estimator's distribution
     draws_table              (n, R, K)
+    unstated                 (F,) weights of which the method states no interval
 
 Without policies they are the soft policies of the weights. Methods that learn rewards alone have
 the counted dynamics, which they are given.
@@ -144,7 +145,11 @@ class Case:
         """Shares of true weights and of true probabilities within their intervals."""
         found = {}
         if self.weights is not None and "draws_weights" in result:
-            found["coverage of weights"] = _held(result["draws_weights"], self.weights)
+            stated = ~np.asarray(result.get("unstated", np.zeros(len(self.weights), bool)))
+            found["weights without interval"] = float(np.mean(~stated))
+            if stated.any():
+                drawn = result["draws_weights"][:, stated]
+                found["coverage of weights"] = _held(drawn, self.weights[stated])
         if self.truth is not None and "draws_table" in result:
             drawn, true = self._shares(result["draws_table"]), self._shares(self.truth)
             together = [np.concatenate(each, axis=-1) for each in (drawn, true)]

@@ -7,9 +7,13 @@ import numpy as np
 
 import serd_core as sc
 from serd_core.arrays import FloatArray
+from serd_core.demonstrations.decisions import reached
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.mdp.problem import Problem
-from serd_core.semi_markov.models import has_laws
+from serd_core.semi_markov.models import has_laws, require_timed
+
+#: Probability that a drawn outcome has at least, so that it has an energy.
+LEAST = 1e-280
 
 
 def problem_of(given: Mapping[str, Any], prefix: str = "") -> sc.TabularProblem | None:
@@ -56,24 +60,31 @@ def counted_draws(
     fit: sc.FitResult,
     n: int,
     rng: np.random.Generator,
+    pseudo_count: float = 1.0,
 ) -> FloatArray:
     """(n, R, K) draws of the outcomes given the moves alone, of a fit under counted dynamics.
 
-    Where moves take time, their laws are drawn, and outcomes are as counted.
+    pseudo_count: that it was counted with. Where moves take time, their laws are drawn too.
     """
-    models = problem.mdp.transitions
+    models, theta = problem.mdp.transitions, fit.parameters.truth
     assert isinstance(models, OutcomeModels)
-    if has_laws(models):
-        # Imported here, since it takes longer than most fits.
-        from lab.experiments.durations import counted_draws as timed_draws
+    outcomes = require_timed(models).outcomes if has_laws(models) else models
+    table = outcomes.local_probabilities(theta[: outcomes.n_energies])
+    shown = reached(decisions)
+    seen = np.bincount(
+        outcomes.model_of[decisions.state, decisions.action], shown, minlength=len(table)
+    )
+    # The M-estimate is (n + c) / (N + K c).
+    counts = table * (seen + pseudo_count * table.shape[1])[:, None]
+    drawn = np.maximum(rng.gamma(counts, size=(n, *table.shape)), LEAST)
+    drawn /= drawn.sum(axis=2, keepdims=True)
+    if not has_laws(models):
+        return np.asarray(drawn)
+    # Imported here, since it takes longer than most fits.
+    from lab.experiments.durations import counted_draws as timed_draws
 
-        assert isinstance(decisions, sc.TimedDecisions)
-        assert isinstance(problem, sc.TabularProblem)
-        theta = timed_draws(problem, decisions, fit.parameters.truth, n, rng)
-        return np.asarray(models.local_probabilities(theta))
-    table = fit.outcome_probabilities
-    seen = np.bincount(models.model_of[decisions.state, decisions.action], minlength=len(table))
-    # The M-estimate is (n + 1) / (N + K).
-    counts = table * (seen + table.shape[1])[:, None]
-    drawn = rng.gamma(counts, size=(n, *table.shape))
-    return np.asarray(drawn / drawn.sum(axis=2, keepdims=True))
+    assert isinstance(decisions, sc.TimedDecisions)
+    assert isinstance(problem, sc.TabularProblem)
+    laws = timed_draws(problem, decisions, theta, n, rng)[:, outcomes.n_energies :]
+    energies = [outcomes.parameters_of(each) for each in drawn]
+    return np.asarray(models.local_probabilities(np.hstack([energies, laws])))

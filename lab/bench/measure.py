@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from lab.bench import methods, worker
+from lab.bench.environment import environment_apart, peer_python
 from lab.bench.tasks import TASKS
-from lab.benchmarks.peers.peer_environment import environment_apart, peer_python
 from lab.experiments.running.tables import Row
 
 _FILES = Path(methods.__file__).parent
@@ -79,12 +79,17 @@ class Method:
         return [sys.executable], os.environ | {"PYTHONPATH": path}
 
 
-#: By name: SERD, the project's other methods, other libraries.
+#: By name: SERD, IRL under its prior, the project's other methods, other libraries.
 METHODS = {
     each.name: each
     for each in sorted(
         (Method(path.stem) for path in _FILES.glob("[!_]*.py")),
-        key=lambda method: (bool(method.requirements), method.name != "serd", method.name),
+        key=lambda method: (
+            bool(method.requirements),
+            method.name != "serd",
+            method.name != "irl_same_prior",
+            method.name,
+        ),
     )
 }
 
@@ -113,7 +118,8 @@ class Batch:
     def missing(self) -> list[tuple[int, int]]:
         """(size, seed) of the cases that have not been measured."""
         done = {(row["size"], row["seed"]) for row in self.rows()}
-        n_seeds = min(self.n_seeds, self.method.most_seeds or self.n_seeds)
+        limits = self.n_seeds, self.method.most_seeds, TASKS[self.task].most_seeds
+        n_seeds = min(limit for limit in limits if limit is not None)
         cases = [(size, seed) for size in TASKS[self.task].sizes for seed in range(n_seeds)]
         return [case for case in cases if case not in done]
 

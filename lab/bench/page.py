@@ -1,6 +1,7 @@
-"""The page of the table: means over seeds with 95 % intervals, and what is better than SERD."""
+"""The page of the table: what joint estimation adds, and every method on every task."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +11,21 @@ import scipy.stats
 from lab.bench.measure import METHODS
 from lab.bench.tasks import TASKS
 from lab.experiments.running.tables import Row
+from serd_core.arrays import FloatArray
 
-OURS = "serd"
+OURS, SAME_PRIOR = "serd", "irl_same_prior"
 #: Columns of scores, and whether more is better; coverage has no direction.
 SCORES = {"log-likelihood": 1, "transfer": 1, "divergence": -1}
 COVERAGES = ("coverage of weights", "coverage of probabilities")
+MEASURED = (*SCORES, *COVERAGES, "weights without interval")
 #: Of a difference in pairs.
 LEVEL = 0.05
 INTRODUCTION = Path(__file__).parent / "introduction.md"
+#: Of a task, its methods.
+Rows = Mapping[str, Mapping[str, Sequence[Row]]]
 
 
-def table_of(rows: Mapping[str, Mapping[str, Sequence[Row]]]) -> pd.DataFrame:
+def table_of(rows: Rows) -> pd.DataFrame:
     """One row per task, size and method that has results; rows: by task and method."""
     found = []
     for task, by_method in rows.items():
@@ -32,101 +37,159 @@ def table_of(rows: Mapping[str, Mapping[str, Sequence[Row]]]) -> pd.DataFrame:
                     place = {"task": task, "demonstrations": size, "method": METHODS[method].title}
                     found.append(place | summary(here, {} if method == OURS else ours))
     table = pd.DataFrame(found)
-    first = [
-        f"{name}{part}" for name in (*SCORES, *COVERAGES) for part in ("", " ±", " against SERD")
-    ]
-    order = ["task", "demonstrations", "method", "seeds", *first, "warm_s", "cold_s"]
+    parts = ("", " ±", ": SERD better by", ": SERD better by ±", ": against SERD")
+    order = ["task", "demonstrations", "method", "seeds"]
+    order += [f"{name}{part}" for name in MEASURED for part in parts] + ["warm_s", "cold_s"]
     return table[[name for name in order if name in table]]
 
 
 def summary(rows: Sequence[Row], ours: Mapping[int, Row]) -> Row:
-    """Means, half widths of their intervals, and the direction of significant differences."""
+    """Means and differences from SERD, with half widths of their intervals and a direction."""
     found: Row = {"seeds": len(rows)}
-    for name in (*SCORES, *COVERAGES):
+    for name in MEASURED:
         values = np.array([row[name] for row in rows if name in row])
         if not len(values):
             continue
-        found[name] = float(values.mean())
-        found[f"{name} ±"] = half_width(values)
+        found |= {name: float(values.mean()), f"{name} ±": half_width(values)}
         pairs = [
             (row[name], ours[row["seed"]][name])
             for row in rows
             if name in row and name in ours.get(row["seed"], {})
         ]
         if name in SCORES and pairs:
-            found[f"{name} against SERD"] = direction(np.array(pairs), SCORES[name])
+            gains: FloatArray = SCORES[name] * -np.diff(pairs)[:, 0]
+            found[f"{name}: SERD better by"] = -float(gains.mean())
+            found[f"{name}: SERD better by ±"] = half_width(gains)
+            found[f"{name}: against SERD"] = direction(gains)
     found["warm_s"] = float(np.median([row["warm_s"] for row in rows]))
     cold = [row["cold_s"] for row in rows if "cold_s" in row]
     return found | ({"cold_s": float(np.median(cold))} if cold else {})
 
 
-def half_width(values: np.ndarray) -> float:
+def half_width(values: FloatArray) -> float:
     """Of a 95 % interval of the mean by Student's t."""
     if len(values) < 2:
         return float("nan")
     return float(scipy.stats.t.ppf(0.975, len(values) - 1) * scipy.stats.sem(values))
 
 
-def direction(pairs: np.ndarray, sign: int) -> int:
-    """1 where the first of (n, 2) pairs are better in a signed-rank test, -1 where worse, or 0."""
-    gain = sign * (pairs[:, 0] - pairs[:, 1])
-    if not np.any(gain) or scipy.stats.wilcoxon(gain).pvalue >= LEVEL:
+def direction(gains: FloatArray) -> int:
+    """1 where differences are above 0 in a signed-rank test, -1 where they are below, or 0."""
+    if not np.any(gains) or scipy.stats.wilcoxon(gains).pvalue >= LEVEL:
         return 0
-    return 1 if np.median(gain) > 0 else -1
+    return 1 if np.median(gains) > 0 else -1
 
 
-def page(rows: Mapping[str, Mapping[str, Sequence[Row]]], absent: Mapping[str, str]) -> str:
-    """The document; absent: why tasks and methods have not been measured, by name."""
+def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
+    """The document; absent: why tasks and methods are not measured, by name.
+
+    folder: of bench.csv and bench.png, from that of the page, with its slash.
+    """
     table = table_of(rows)
-    parts = [INTRODUCTION.read_text()]
-    for name, task in TASKS.items():
-        parts.append(f"## {name}: {task.about}\n")
-        here = table[table["task"] == name] if len(table) else table
-        parts += list(_lines(here)) if len(here) else []
-        parts += [f"{text}\n" for text in _remarks(name, rows.get(name, {}), absent)]
-    return "\n".join(parts).rstrip() + "\n"
+    reasons = _reasons(rows, absent)
+    parts = [
+        [INTRODUCTION.read_text()],
+        [f"![every method on every task, means with intervals]({folder}bench.png)", ""],
+        [f"All numbers, with intervals: [bench.csv]({folder}bench.csv).", ""],
+        ["## What joint estimation adds", "", *_gains(table), ""],
+        ["## Methods", "", *_by_method(table), ""],
+        ["## Log-likelihood by task", "", *_by_task(table, reasons), ""],
+        [f"- {mark}: {reason}." for reason, mark in _marks(reasons).items()],
+        [f"- *{name}* is not measured: {absent[name]}." for name in TASKS if name in absent],
+        list(_failures(rows)),
+    ]
+    return "\n".join(chain(*parts)).rstrip() + "\n"
 
 
-def _lines(table: pd.DataFrame) -> Iterator[str]:
-    shown = [name for name in (*SCORES, *COVERAGES) if name in table and table[name].notna().any()]
-    heads = ["demonstrations", "method", "seeds", *shown, "s, warm", "s, cold"]
-    yield "\n".join([f"| {' | '.join(heads)} |", "|" + " --- |" * len(heads)])
-    for row in table.to_dict("records"):
-        cells = [str(row["demonstrations"]), row["method"], str(row["seeds"])]
-        cells += [_cell(row, name) for name in shown]
-        cells += [_number(row.get(name)) for name in ("warm_s", "cold_s")]
-        yield f"| {' | '.join(cells)} |"
-    yield ""
+def _lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    ruler = "|" + " --- |" * len(heads)
+    return [f"| {' | '.join(heads)} |", ruler, *(f"| {' | '.join(row)} |" for row in rows)]
 
 
-def _cell(row: Row, name: str) -> str:
+def _gains(table: pd.DataFrame) -> list[str]:
+    """SERD less IRL under the same prior, per task and size, and the coverage of both."""
+    ours, other = (table[table["method"] == METHODS[name].title] for name in (OURS, SAME_PRIOR))
+    pairs = ours.merge(other, on=["task", "demonstrations"], suffixes=(" of SERD", ""), sort=False)
+    heads = [f"{name}, SERD better by" for name in SCORES]
+    heads += [f"{name}: SERD, IRL" for name in COVERAGES]
+    rows = [
+        [f"{row['task']}, {row['demonstrations']}"]
+        + [_cell(row, f"{n}: SERD better by", -row.get(f"{n}: against SERD", 0)) for n in SCORES]
+        + [f"{_number(row.get(f'{n} of SERD'))}, {_number(row.get(n))}" for n in COVERAGES]
+        for row in pairs.to_dict("records")
+    ]
+    return _lines(["task, demonstrations", *heads], rows)
+
+
+def _by_method(table: pd.DataFrame) -> list[str]:
+    """In how many cells a method is better and worse than SERD, mean coverage, median times."""
+    rows = []
+    for title, here in table.groupby("method", sort=False):
+        row = [str(title)]
+        for name in SCORES:
+            marks = here.get(f"{name}: against SERD", pd.Series(dtype=float)).dropna()
+            counts = f"{(marks > 0).sum()}, {(marks < 0).sum()} of {len(marks)}"
+            row.append(counts if len(marks) else "–")
+        row += [_number(here[name].mean() if name in here else None) for name in COVERAGES]
+        rows.append(row + [_number(here[name].median()) for name in ("warm_s", "cold_s")])
+    heads = [f"{name}: better, worse than SERD" for name in SCORES]
+    return _lines(["method", *heads, *COVERAGES, "s, warm", "s, cold"], rows)
+
+
+def _by_task(table: pd.DataFrame, reasons: Mapping[tuple[str, str], str]) -> list[str]:
+    """A row per task and size, a column per method; where there is no number, why."""
+    marks, rows = _marks(reasons), []
+    for (task, size), here in table.groupby(["task", "demonstrations"], sort=False):
+        cells = {row["method"]: row for row in here.to_dict("records")}
+        row = [f"{task}, {size}"]
+        for name, method in METHODS.items():
+            found, reason = cells.get(method.title), reasons.get((task, name))
+            why = f"({marks[reason]})" if reason else "–"
+            mark = found.get("log-likelihood: against SERD", 0) if found else 0
+            row.append(_cell(found, "log-likelihood", mark) if found else why)
+        rows.append(row)
+    return _lines(["task, demonstrations", *(m.title for m in METHODS.values())], rows)
+
+
+def _reasons(rows: Rows, absent: Mapping[str, str]) -> dict[tuple[str, str], str]:
+    """Why a method has no results in a task, by both names."""
+    found = {}
+    for task, by_method in rows.items():
+        for method in METHODS:
+            refused = [r["refused"] for r in by_method.get(method, ()) if "refused" in r]
+            if refused:
+                found[task, method] = f"states {refused[0]} only"
+            elif method in absent and not by_method.get(method):
+                found[task, method] = absent[method]
+    return found
+
+
+def _marks(reasons: Mapping[tuple[str, str], str]) -> dict[str, str]:
+    """A letter for each reason."""
+    return dict(zip(dict.fromkeys(reasons.values()), "abcdefghijklmnop", strict=False))
+
+
+def _failures(rows: Rows) -> Iterator[str]:
+    for task, by_method in rows.items():
+        for method, every in by_method.items():
+            failed = [row["failed"] for row in every if "failed" in row]
+            if failed:
+                title, share = METHODS[method].title, f"{len(failed)} of {len(every)}"
+                yield f"- {title} failed in {share} cases of *{task}*: {failed[0]}"
+
+
+def _cell(row: Row, name: str, mark: float) -> str:
+    """Number and half width, to two digits of the latter."""
     value, half = row.get(name), row.get(f"{name} ±")
     if value is None or np.isnan(value):
         return "–"
-    mark = {1: " ▲", -1: " ▼"}.get(row.get(f"{name} against SERD", 0), "")
-    width = "" if half is None or np.isnan(half) else f" ± {half:.2g}"
-    return f"{value:.3f}{width}{mark}".replace("-", "−")
+    digits, width = 3, ""
+    if half is not None and 0.0 < half < 1.0:
+        digits = 1 - int(np.floor(np.log10(half)))
+        width = f"±{half:.{digits}f}"
+    sign = "▲" if mark > 0 else "▼" if mark < 0 else ""
+    return f"{value:.{digits}f}{width}{sign}".replace("-", "−")
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None or np.isnan(value) else f"{value:.2g}"
-
-
-def _remarks(
-    task: str, rows: Mapping[str, Sequence[Row]], absent: Mapping[str, str]
-) -> Iterator[str]:
-    """Why there is no row, or how many cases failed."""
-    if task in absent:
-        yield f"Not measured: {absent[task]}."
-        return
-    for method, every in rows.items():
-        title = METHODS[method].title
-        refused = [row["refused"] for row in every if "refused" in row]
-        failed = [row["failed"] for row in every if "failed" in row]
-        if refused:
-            yield f"{title}: states {refused[0]} only."
-        if failed:
-            yield f"{title}: failed in {len(failed)} of {len(every)} cases ({failed[0]})."
-    for method, reason in absent.items():
-        if method in METHODS and not rows.get(method):
-            yield f"{METHODS[method].title}: {reason}."
+    return "–" if value is None or np.isnan(value) else f"{value:#.2g}".rstrip(".")

@@ -1,6 +1,6 @@
 """Tasks of recorded decisions, whose truth nobody knows: read from public files, split by seed.
 
-`--data` names a folder with
+`--data` names a folder with a folder of each (`SOURCES` has what to fetch):
 
     rust1987/       the odometer files of Rust (1987)
     routes/         link incidence, times, turn angles, observations (`python -m lab routes`)
@@ -34,6 +34,16 @@ from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.mdp.problem import TabularProblem
 
+#: The public files by folder.
+SOURCES = {
+    "rust1987": "a530875.asc of github.com/OpenSourceEconomics/zurcher-data",
+    "routes": "linkIncidence.txt, ATTRIBUTEestimatedtime.txt, ATTRIBUTEturnangles.txt and"
+    " observationsForEstimBAI.txt from Input of github.com/maitien86/RecursiveLogit.Classical.V2"
+    " (Borlaenge)",
+    "pedestrians": "bi_corr_400_b_03.txt of BaSiGo, in github.com/PedestrianDynamics/PedPy",
+    "robots": "bags of drives to one goal, such as those of SCAND, doi.org/10.18738/T8/0PRYRH, or"
+    " tables of them",
+}
 #: Share of its decisions that a recording's discount leaves to the next one.
 DISCOUNT = 0.97
 #: Episodes that are predicted.
@@ -92,7 +102,10 @@ def _plain(
 def _files(folder: Path, pattern: str) -> list[Path]:
     found = sorted(folder.glob(pattern)) if folder.is_dir() else []
     if not found:
-        raise SerdError(f"--data must hold {folder.name}/{pattern}, but does not; add these files")
+        raise SerdError(
+            f"--data must hold {folder.name}/{pattern}, but does not; put there"
+            f" {SOURCES[folder.name]}"
+        )
     return found
 
 

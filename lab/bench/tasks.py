@@ -14,11 +14,15 @@ Maker = Callable[[Path, int, np.random.Generator], Case | RouteCase]
 
 @dataclass(frozen=True)
 class Task:
-    """about: a line for the page; sizes: demonstrations that are learned from."""
+    """about: a line for the page; sizes: demonstrations that are learned from.
+
+    most_seeds: splits of one recording overlap, so that many say no more than these.
+    """
 
     about: str
     sizes: tuple[int, ...]
     make: Maker
+    most_seeds: int | None = None
 
     def case(self, data: Path, size: int, seed: int) -> Case | RouteCase:
         """The case of a seed; SerdError where files are missing in the folder of data."""
@@ -32,12 +36,16 @@ def _of_worlds(family: worlds.Family) -> Maker:
     return make
 
 
-_FEW = (3, 25)
+_FEW, _SPLITS = (3, 25), 20
 TASKS = {
-    "rust": Task("bus engine replacement, Rust (1987), group 4", (5, 18), recorded.case_of_rust),
-    "routes": Task("route choice with many destinations", (900,), recorded.case_of_routes),
-    "crowds": Task("people in a corridor, two directions", (10, 100), recorded.case_of_crowds),
-    "robots": Task("a robot among people", (3, 10), recorded.case_of_robots),
+    "rust": Task(
+        "bus engine replacement, Rust (1987), group 4", (5, 18), recorded.case_of_rust, _SPLITS
+    ),
+    "routes": Task("route choice with many destinations", (900,), recorded.case_of_routes, _SPLITS),
+    "crowds": Task(
+        "people in a corridor, two directions", (10, 100), recorded.case_of_crowds, _SPLITS
+    ),
+    "robots": Task("a robot among people", (3, 10), recorded.case_of_robots, _SPLITS),
     "borders": Task("gridworlds, 64 cells, 3 terrains", _FEW, _of_worlds(worlds.grid_world)),
     "aliased": Task("three of four outcomes stay", _FEW, _of_worlds(worlds.aliased_world)),
     "hazard": Task("a chain with a rare, costly fall", _FEW, _of_worlds(worlds.hazard_world)),

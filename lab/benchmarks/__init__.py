@@ -1,1 +1,1 @@
-"""Speed against peers, in one run: `python -m lab benchmarks` writes lab/results/*.json."""
+"""Speed: `python -m lab benchmarks` writes lab/results/*.json."""

@@ -8,12 +8,14 @@ from typing import Annotated
 import typer
 
 from lab import RESULTS
+from lab.bench.environment import PeerError
+from lab.bench.figure import bench_figure
 from lab.bench.measure import METHODS, Batch
 from lab.bench.page import page, table_of
 from lab.bench.tasks import TASKS
-from lab.benchmarks.peers.peer_environment import PeerError
+from lab.experiments.running.experiment import write_files
 from lab.experiments.running.provenance import recorded
-from lab.experiments.running.tables import write_table
+from lab.kept import keep
 from serd_bag.files import atomic_write_text, require_folder
 from serd_bag.nearest import choice_rule
 from serd_cli.errors import UsageError
@@ -57,10 +59,13 @@ def bench(
         t: {m: found for m in METHODS if (found := Batch(t, METHODS[m], 0, data, work).rows())}
         for t in TASKS
     }
-    target = output / "bench.md" if quick else PAGE
-    write_table(output / "bench.csv", table_of(rows))
-    atomic_write_text(target, page(rows, absent))
+    table = table_of(rows)
+    write_files(output, {"bench.csv": table, "bench.png": bench_figure(table)})
+    target, folder = (output / "bench.md", "") if quick else (PAGE, "results/")
+    atomic_write_text(target, page(rows, absent, folder))
     print(f"table: {output / 'bench.csv'}\npage: {target}")
+    if not quick and output == RESULTS / "bench":
+        keep()
 
 
 def _chosen(names: list[str] | None, known: Iterable[str], what: str) -> list[str]:

@@ -1,9 +1,14 @@
-"""SERD with its defaults: rewards and dynamics together, predicted by the posterior average."""
+"""SERD with its defaults: rewards and dynamics together, predicted by the posterior average.
+
+Intervals are those that `serd learn` writes: not of weights that are the prior's, or that have not
+mixed.
+"""
 
 import numpy as np
 
 import serd_core as sc
 from lab.bench.given import decisions_of, problem_of
+from serd_core.bayes.information import PRIOR_ONLY
 
 TITLE, REQUIREMENTS = "SERD", ()
 N_DRAWS = 64
@@ -16,14 +21,18 @@ def learn(given):
     problem, transfer = problem_of(given), problem_of(given, "transfer_")
     decisions = decisions_of(given)
     fit = sc.fit_mdce_serd(problem, decisions)
-    draws = sc.laplace_draws(sc.laplace(problem, decisions, fit), np.random.default_rng(0), N_DRAWS)
+    posterior = sc.laplace(problem, decisions, fit)
+    draws = sc.laplace_draws(posterior, np.random.default_rng(0), N_DRAWS)
+    known = sc.outcome_information(posterior)
+    sources = [known.source_of_weight(f) for f in range(len(fit.reward_weights))]
     return {
         "policy": sc.posterior_policy(problem, draws),
         "transfer_policy": None if transfer is None else sc.posterior_policy(transfer, draws),
         "weights": fit.reward_weights,
         "table": draws.outcome_probabilities.mean(axis=0),
-        "draws_weights": draws.reward,
-        "draws_table": draws.outcome_probabilities,
+        "draws_weights": known.draws.reward,
+        "draws_table": known.draws.outcome_probabilities,
+        "unstated": np.isnan(known.weights[0]) | (np.array(sources) == PRIOR_ONLY),
     }
 
 

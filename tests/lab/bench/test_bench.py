@@ -2,17 +2,19 @@
 
 import csv
 import json
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
 import serd_core as sc
-from lab.bench import worker
+from lab.bench import environment, worker
 from lab.bench.case import Case, Target, distinct_rows
 from lab.bench.measure import METHODS
 from lab.bench.page import direction, summary
 from lab.bench.tasks import TASKS
-from lab.benchmarks.peers import peer_environment
 from serd_core.errors import SerdError
 
 WORLDS = ("borders", "aliased", "hazard", "confounded", "misspecified", "durations")
@@ -66,14 +68,15 @@ def test_means_have_intervals_and_only_clear_differences_in_pairs_are_marked():
         {"seed": s, "divergence": row["divergence"] + 0.1, "warm_s": 1.0} for s, row in ours.items()
     ]
     found = summary(rows, ours)
-    assert found["divergence against SERD"] == -1
+    assert found["divergence: against SERD"] == -1
+    assert found["divergence: SERD better by"] == pytest.approx(0.1)
+    assert found["divergence: SERD better by ±"] == pytest.approx(0.0, abs=1e-12)
     values = np.array([row["divergence"] for row in rows])
     half = 2.200985 * values.std(ddof=1) / np.sqrt(12)  # Student's t of 11 degrees of freedom
     assert found["divergence ±"] == pytest.approx(half, rel=1e-5)
-    pairs = rng.normal(size=(40, 2))
-    assert direction(pairs, 1) == 0
-    pairs[:, 0] += 1.5
-    assert direction(pairs, 1) == -direction(pairs, -1) == 1
+    gains = rng.normal(size=40)
+    assert direction(gains) == 0
+    assert direction(gains + 1.5) == -direction(-gains - 1.5) == 1
 
 
 def lap(rng, number):
@@ -82,6 +85,37 @@ def lap(rng, number):
     places = np.stack([np.clip(0.9 * (time - time[0]), 0, 8), rng.normal(0, 0.01, 100)])
     people = [np.stack([9 - 0.8 * (time - time[0]), np.full(100, y)]) for y in (0.9, -0.9)]
     return np.vstack([1.7e18 + 1e9 * time, places, *people]).T
+
+
+def test_weights_of_which_a_method_states_no_interval_do_not_count(tmp_path):
+    case = TASKS["hazard"].case(tmp_path, 3, 0)
+    drawn = np.tile([case.weights[0], case.weights[1] + 1.0], (5, 1))
+    found = [
+        case.scores({"draws_weights": drawn, "unstated": np.array(unstated)})
+        for unstated in ([False, False], [False, True], [True, True])
+    ]
+    assert [each["weights without interval"] for each in found] == [0.0, 0.5, 1.0]
+    assert [each.get("coverage of weights") for each in found] == [0.5, 1.0, None]
+
+
+def test_who_asks_for_an_environment_while_another_installs_it_waits(tmp_path, monkeypatch):
+    monkeypatch.setattr(environment, "ENVIRONMENTS", tmp_path)
+    installed, together = [], threading.Barrier(4)
+
+    def install(name, _, folder, __):
+        installed.append(name)
+        time.sleep(0.05)
+        folder.mkdir(exist_ok=True)
+
+    def asked(_):
+        together.wait()
+        return environment.peer_python("one", ("a==1",))
+
+    monkeypatch.setattr(environment, "_install", install)
+    with ThreadPoolExecutor(4) as pool:
+        found = set(pool.map(asked, range(4)))
+    assert found == {tmp_path / "one" / "bin" / "python"}
+    assert installed == ["one"]
 
 
 def test_drives_of_a_robot_among_people_are_read_from_a_table(tmp_path):
@@ -132,7 +166,7 @@ def test_a_method_is_one_file_whose_refusals_and_failures_are_lines(tmp_path, ca
 
 def test_the_command_writes_table_and_page_and_goes_on_where_it_stopped(lab, tmp_path, monkeypatch):
     """A task of own methods, one without data, and a library that cannot be installed."""
-    monkeypatch.setattr(peer_environment, "ENVIRONMENTS", tmp_path / "environments")
+    monkeypatch.setattr(environment, "ENVIRONMENTS", tmp_path / "environments")
     for name in ("PIP_INDEX_URL", "PIP_EXTRA_INDEX_URL"):
         monkeypatch.setenv(name, (tmp_path / "nowhere").as_uri())
     monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
@@ -155,8 +189,11 @@ def test_the_command_writes_table_and_page_and_goes_on_where_it_stopped(lab, tmp
     ours = [row for row in rows if row["method"] == "SERD"]
     assert all(float(row["log-likelihood"]) > -0.2 for row in ours)
     page = (folder / "bench.md").read_text()
-    assert "| 25 | IRL, counted dynamics, same prior | 2 |" in page
-    assert "Not measured: " in page
+    first = page.partition("## What joint estimation adds")[2].partition("## ")[0]
+    assert "| hazard, 25 | " in first
+    assert "- *rust* is not measured: --data must hold rust1987/a530875.asc" in page
+    assert "- a: jax_joint must install (jax==" in page
+    assert (folder / "bench.png").stat().st_size > 10_000
     lines = {path: path.read_bytes() for path in (folder / "cases").iterdir()}
     assert lab(*words).code == 0
     assert lines == {path: path.read_bytes() for path in (folder / "cases").iterdir()}

@@ -10,6 +10,7 @@ from lab.experiments.minimum_example.multi_start import MultiStartConfig
 from lab.experiments.policy_cost import PolicyCostConfig
 from lab.experiments.priors import PriorsConfig
 from lab.experiments.running.experiment import Session
+from lab.experiments.standard_errors import StandardErrorsConfig
 from serd_sim.episodes.execution import Execution
 
 #: By name a small run, and some of the files that it leaves.
@@ -20,6 +21,10 @@ SMALL = {
         "worlds.csv summary.csv",
     ),
     "durations": (DurationsConfig(n_repetitions=1, sizes=(3,), draws=4), "worlds.csv summary.csv"),
+    "standard-errors": (
+        StandardErrorsConfig(n_repetitions=2, sizes=(6,)),
+        "estimates.csv summary.csv",
+    ),
     "multi-start": (MultiStartConfig(n_sets=2, sizes=(3,), n_starts=3), "shares.csv"),
     "ascents": (
         AscentsConfig(side=4, n_demonstrations=5, n_steps=8, max_steps=50),

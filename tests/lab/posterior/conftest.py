@@ -1,1 +1,0 @@
-from support.small_problems import counted  # noqa: F401
