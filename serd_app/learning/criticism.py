@@ -21,8 +21,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import beta, t
+from scipy.special import betaincinv, logsumexp, stdtrit
 
 from serd_app.learning.dwell_places import check_dwell_times
 from serd_app.learning.outcome import LearnedTraps
@@ -155,7 +154,7 @@ def interval_text(k: int, n: int) -> str:
     >>> interval_text(14, 21)
     '49 to 81 %'
     """
-    low, high = beta.ppf(BAND, k + 0.5, n - k + 0.5)
+    low, high = betaincinv(k + 0.5, n - k + 0.5, BAND)
     return f"{100 * low:.0f} to {100 * high:.0f} %"
 
 
@@ -304,7 +303,7 @@ def _mean_with_half_width(difference: FloatArray, n_moves: float) -> tuple[float
     """Return the mean per move of differences summed by drive, and half its 90 % interval."""
     n = len(difference)
     spread = float(difference.std(ddof=1)) * np.sqrt(n) if n > 1 else np.inf
-    return float(difference.sum() / n_moves), float(t.ppf(BAND[1], n - 1) * spread / n_moves)
+    return float(difference.sum() / n_moves), float(stdtrit(n - 1, BAND[1]) * spread / n_moves)
 
 
 def _by_drive(found: Criticised, draws: PosteriorDraws) -> FloatArray:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
-import scipy  # loads special and stats at their first use
+import scipy  # loads special at its first use
 from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, IntArray
@@ -105,9 +105,9 @@ def clopper_pearson(
     """Exact confidence interval of a binomial proportion: quantiles of Beta distributions."""
     count = np.asarray(successes, dtype=np.float64)
     tail = (1.0 - coverage) / 2.0
-    beta = scipy.stats.beta
-    lower = beta.ppf(tail, np.maximum(count, 1.0), n_trials - count + 1.0)
-    upper = beta.ppf(1.0 - tail, count + 1.0, np.maximum(n_trials - count, 1.0))
+    quantile = scipy.special.betaincinv
+    lower = quantile(np.maximum(count, 1.0), n_trials - count + 1.0, tail)
+    upper = quantile(count + 1.0, np.maximum(n_trials - count, 1.0), 1.0 - tail)
     return np.where(count > 0, lower, 0.0), np.where(count < n_trials, upper, 1.0)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # loads stats at its first use
+from scipy.special import ndtri
 
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
@@ -58,7 +58,7 @@ class StandardErrors:
     ) -> tuple[FloatArray, FloatArray]:
         """Ends of the normal (Wald) intervals of (F,) reward weights, for many decisions."""
         require_share("coverage", coverage)
-        width = float(scipy.stats.norm.ppf(0.5 + coverage / 2.0)) * self.reward
+        width = float(ndtri(0.5 + coverage / 2.0)) * self.reward
         return weights - width, weights + width
 
 

@@ -11,11 +11,16 @@ rank.
 from typing import Annotated
 
 import numpy as np
+import scipy.stats
 import typer
+from matplotlib.figure import Figure
 
+from lab import RESULTS
 from lab.benchmarks.report import measured_rows, save
-from lab.posterior.calibration import calibration_ranks, uniformity
+from lab.posterior.calibration import N_RANKED, calibration_ranks, uniformity
 from lab.posterior.families import FAMILIES
+from serd_app.report.style import BLUE, MUTED, new_figure, save_figure
+from serd_core.arrays import IntArray
 from serd_core.errors import SerdError
 
 N_DATA_SETS = 500
@@ -30,10 +35,11 @@ def run(n_data_sets: DataSets = N_DATA_SETS) -> None:
         for family in FAMILIES
     ]
     measured = measured_rows("calibration", cases, measure)
-    rows = []
+    rows, of_families = [], {}
     for family in FAMILIES:
         found = [row for row in measured if row["family"] == family]
         ranks = np.array([row["ranks"] for row in found if row["ranks"]])
+        of_families[family] = ranks
         p_values = uniformity(ranks)
         failures = sorted({row["failure"] for row in found} - {""})
         rows.append(
@@ -44,6 +50,28 @@ def run(n_data_sets: DataSets = N_DATA_SETS) -> None:
             | {"why not drawn": "; ".join(failures)[:200]}
         )
     save("calibration", "Simulation-based calibration", rows)
+    save_figure(RESULTS / "calibration.png", _figure(of_families))
+
+
+def _figure(of_families: dict[str, IntArray]) -> Figure:
+    """Share of ranks up to each one less the share expected, with its central 95 % by chance."""
+    figure = new_figure(9.0, 4.6)
+    axes = figure.subplots(2, 4, sharex=True, sharey=True)
+    expected = np.arange(1, N_RANKED + 2) / (N_RANKED + 1)
+    for ax, (family, ranks) in zip(axes.flat, of_families.items(), strict=False):
+        n = len(ranks)
+        band = scipy.stats.binom.ppf([[0.025], [0.975]], n, expected) / n - expected
+        ax.fill_between(expected, *band, color=MUTED, alpha=0.3, linewidth=0)
+        for column in ranks.T:
+            ranked = np.bincount(column[column >= 0], minlength=N_RANKED + 1)
+            share = np.cumsum(ranked) / max(ranked.sum(), 1)
+            ax.plot(expected, share - expected, color=BLUE, linewidth=0.7, alpha=0.6)
+        ax.set_title(f"{family}, {n} sets", fontsize=8)
+    for ax in axes.flat[len(of_families) :]:
+        ax.axis("off")
+    figure.supxlabel("rank of the truth among draws, as a share", fontsize=9)
+    figure.supylabel("share of data sets, less the expected one", fontsize=9)
+    return figure
 
 
 def measure(family: str, data_set: int) -> dict[str, object]:
