@@ -154,8 +154,9 @@ class Field:
         return True
 
     def send_goal(self, x_m: float, y_m: float) -> bool:
-        """Send a goal until its drive begins."""
+        """Send a goal until its drive begins; one that nobody takes yet would be lost."""
         n_begun = self.n_begun
+        self.until(self._goals.get_subscription_count, 30.0)
         for _ in range(3):
             self._goals.publish(to_pose_stamped((x_m, y_m, 0.0), 0.0))
             if self.until(lambda: self.n_begun > n_begun, 30.0):

@@ -1,5 +1,7 @@
 """Drivers by a policy over the states of the grid, for instance that of a learned model."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,6 +16,8 @@ from serd_sim.world.observation import POLICY, Observation, episode_rng
 
 #: Probabilities that differ less are equal.
 _EQUAL = 1e-9
+#: Angle (rad) by which a robot that turns slowly has turned since it decided, and its least rate.
+_TURNED_RAD, _TURNING_RADPS = 0.3, 0.05
 
 
 class PolicyDriver:
@@ -22,9 +26,9 @@ class PolicyDriver:
     Of equally likely actions one is drawn. A greedy robot that has just come in one of their
     directions turns to the side, where that is one of them, or goes on: such a way in steps is near
     the straight one, and the robot cuts its corners. A greedy robot that is still in the cell where
-    it decided to move was blocked. Until it is two cells away from where it was blocked, what it
-    has done in a cell is left out there, until nothing is left: so cells that block each other do
-    not hold it.
+    it decided to move was blocked, unless it is still turning towards where it is to go. Until it
+    is two cells away from where it was blocked, what it has done in a cell is left out there, until
+    nothing is left: so cells that block each other do not hold it.
     """
 
     def __init__(
@@ -58,13 +62,32 @@ class PolicyDriver:
     def begin(self, episode: int) -> None:
         """Start the random numbers of this episode."""
         self._clear()
-        self._last = Action.WAIT
+        self._last, self._away_rad = Action.WAIT, 0.0
         self._rng = episode_rng(self._seed, episode, POLICY)
 
-    def decide(self, _observation: Observation, state: int) -> Action:
+    def decide(self, observation: Observation, state: int) -> Action:
         """The policy's action in a cell; WAIT outside the grid."""
         if state < 0:
             return Action.WAIT
+        if state != self._state or not self._turns(observation):
+            self._choose(state)
+        self._away_rad = abs(self._away(observation))
+        return self._last
+
+    def _turns(self, observation: Observation) -> bool:
+        """Whether the robot has turned towards where it decided to go last, and turns on."""
+        away_rad, rate_radps = self._away(observation), observation.yaw_rate_radps
+        goes_on = away_rad * rate_radps > 0 and abs(rate_radps) >= _TURNING_RADPS
+        return goes_on and self._away_rad - abs(away_rad) >= _TURNED_RAD
+
+    def _away(self, observation: Observation) -> float:
+        """Angle (rad) from the heading of the robot to the last action; 0 for one to wait."""
+        if self._last == Action.WAIT:
+            return 0.0
+        east, north = DIRECTION_VECTORS[self._last]
+        return math.remainder(math.atan2(north, east) - observation.yaw_rad, math.tau)
+
+    def _choose(self, state: int) -> None:
         tried = self._tried_in(state)
         row = self._probabilities[state]
         if self._greedy:
@@ -72,7 +95,6 @@ class PolicyDriver:
         action = self._last = Action(int(self._rng.choice(len(row), p=row / row.sum())))
         if tried or action != Action.WAIT:
             tried.add(action)
-        return action
 
     def _clear(self) -> None:
         self._state, self._tried, self._blocked_in = -1, dict[int, set[Action]](), set[int]()

@@ -1,5 +1,7 @@
 """Those who decide: the scripted expert and the policy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -127,6 +129,23 @@ def test_of_equally_likely_directions_a_robot_turns_to_the_side_and_never_back(
         episode += 1
         driver.begin(episode)
     assert [driver.decide(SEEN, state) for state in [THERE, HERE] * 3] == then
+
+
+def test_a_robot_that_turns_slowly_is_not_blocked_until_it_has_turned():
+    driver, north = driver_by(0.0, 0.6, 0.4, 0.0, 0.0), np.pi / 2
+
+    def seen(yaw_rad, rate_radps):
+        return replace(SEEN, pose=(2.5, 2.5, yaw_rad), yaw_rate_radps=rate_radps)
+
+    # Half a turn at 0.25 rad/s takes three decisions of 4 s; then it does not move.
+    ways = [seen(north - np.pi + turned, 0.25) for turned in (0.0, 1.0, 2.0, 3.0)]
+    assert {driver.decide(each, HERE) for each in ways} == {Action.NORTH}
+    assert driver.decide(seen(north, 0.0), HERE) == Action.EAST
+    # One that turns away, or has stopped turning, is blocked.
+    for rate_radps, turned in ((-0.25, -1.0), (0.0, 1.0)):
+        driver.begin(0)
+        assert driver.decide(seen(0.0, 0.25), HERE) == Action.NORTH
+        assert driver.decide(seen(turned, rate_radps), HERE) == Action.EAST
 
 
 def test_a_blocked_robot_tries_what_the_policy_likes_next_and_then_all_again():
