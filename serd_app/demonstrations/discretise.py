@@ -56,6 +56,8 @@ MOST_MOVING_WAITS = 0.02
 #: Longer steps between poses are divided: decisions end between them.
 _LONGEST_STEP_S = 0.2
 _STAMP_TOLERANCE_S = 1e-6
+#: Cosine of the angle by which a straight way may turn within so many seconds: 10 degrees.
+_TURN_S, _STRAIGHT = 0.5, float(np.cos(np.pi / 18))
 #: Tangent of the angle to both axes from which on a way is slanted: 22.5 degrees.
 _SLANTED = float(np.tan(np.pi / 8))
 #: What is counted while a drive is read.
@@ -292,6 +294,9 @@ def _aimed(
     way_m, grid = drive.way_m[row], epochs.grid
     if np.abs(way_m).min() < _SLANTED * np.abs(way_m).max():
         return command
+    later_m = drive.way_m[np.searchsorted(drive.way_time_s[:-1], at_s + _TURN_S)]
+    if way_m @ later_m < _STRAIGHT * np.hypot(*way_m) * np.hypot(*later_m):
+        return command  # it turns
     from_middle_m = np.sign(way_m) * (np.array(place_m) - grid.centers_m[epochs.state])
     left_m = 0.5 * grid.cell_size_m + hysteresis_m(grid) - from_middle_m
     if left_m[0] * abs(way_m[1]) < left_m[1] * abs(way_m[0]):

@@ -82,7 +82,8 @@ def test_a_bag_of_another_robot_is_a_page_after_three_commands(three_commands):
     (headline,) = re.findall(r'<p class="headline">([^<]+)', text)
     assert headline.startswith("By place moves take")  # slanted ones cross cells sooner
     summary = json.loads((folder / "report" / "summary.json").read_text())
-    assert summary["outcome_probabilities"]["across_flow"][1] > 0.95  # each where it is for
+    assert summary["outcome_probabilities"]["across_flow"][1] > 0.85
+    assert summary["predicted_median_s"] == pytest.approx(17.0, abs=0.8)
     assert "<td>16 with " in text
     assert "cells of 0.5 m, patience of 4 s" in text
 
