@@ -1,7 +1,8 @@
 """From a recorded drive to decisions on a grid, each with its outcome and dwell time.
 
 The poses of an episode go through `DecisionEpochs`, as those of a drive do. The action is the
-command that is in force when a decision begins: the newest one, for as long as it holds. Another
+command that is in force when a decision begins: the newest one, for as long as it holds. A slanted
+one is for the cell that it leads to first from where the robot is. Another
 command that has been in force for 0.3 s ends the decision before its outcome (censored), at the
 time from which on it was given. Without a command nothing is decided. Everything that is left out
 is counted.
@@ -31,10 +32,16 @@ from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_core.arrays import BoolArray, FloatArray, IntArray
-from serd_core.demonstrations.decisions import TimedDecisions
+from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
 from serd_core.grid.grid import Action, Grid
 from serd_files.yaml_config import StrictModel
-from serd_sim.world.epochs import HELD_S, DecisionEpochs, Epoch, decisions_of
+from serd_sim.world.epochs import (
+    HELD_S,
+    DecisionEpochs,
+    Epoch,
+    decisions_of,
+    hysteresis_m,
+)
 
 OUTSIDE_EPISODE = "outside any episode"
 AFTER_CUT_OFF = "after an episode whose end is not recorded"
@@ -49,6 +56,10 @@ MOST_MOVING_WAITS = 0.02
 #: Longer steps between poses are divided: decisions end between them.
 _LONGEST_STEP_S = 0.2
 _STAMP_TOLERANCE_S = 1e-6
+#: Cosine of the angle by which a straight way may turn within so many seconds: 10 degrees.
+_TURN_S, _STRAIGHT = 0.5, float(np.cos(np.pi / 18))
+#: Tangent of the angle to both axes from which on a way is slanted: 22.5 degrees.
+_SLANTED = float(np.tan(np.pi / 8))
 #: What is counted while a drive is read.
 _COUNTED = ("n_bad_poses", "n_unplaced_poses", "n_bad_commands")
 _Count = Annotated[int, Field(ge=0)]
@@ -252,11 +263,11 @@ def _follow(
             epochs.lose()
         if epochs.see(at_s, x_m, y_m):
             if command != SILENCE:
-                epochs.take(at_s, command)
+                epochs.take(at_s, _aimed(drive, epochs, at_s, (x_m, y_m), command))
         elif command != taken and at_s - from_s >= HELD_S - _STAMP_TOLERANCE_S:
             epochs.interrupt(from_s)
             if command != SILENCE:
-                epochs.take(from_s, command)
+                epochs.take(from_s, _aimed(drive, epochs, from_s, (x_m, y_m), command))
         else:
             continue
         n_silent += command == SILENCE != taken
@@ -267,6 +278,30 @@ def _follow(
         arrived = span.outcome == "arrived"
         epochs.end(float(time_s[-1]), *map(float, position_m[-1]), arrived=arrived)
     return n_silent
+
+
+def _aimed(
+    drive: RecordedDrive,
+    epochs: DecisionEpochs,
+    at_s: float,
+    place_m: tuple[float, float],
+    command: int,
+) -> int:
+    """The action toward the cell that a slanted way enters first; the command where it is none."""
+    row = int(np.searchsorted(drive.way_time_s, at_s + _STAMP_TOLERANCE_S, side="right")) - 1
+    if row < 0 or command in (Action.WAIT, HIDDEN) or epochs.state < 0:
+        return command
+    way_m, grid = drive.way_m[row], epochs.grid
+    if np.abs(way_m).min() < _SLANTED * np.abs(way_m).max():
+        return command
+    later_m = drive.way_m[np.searchsorted(drive.way_time_s[:-1], at_s + _TURN_S)]
+    if way_m @ later_m < _STRAIGHT * np.hypot(*way_m) * np.hypot(*later_m):
+        return command  # it turns
+    from_middle_m = np.sign(way_m) * (np.array(place_m) - grid.centers_m[epochs.state])
+    left_m = 0.5 * grid.cell_size_m + hysteresis_m(grid) - from_middle_m
+    if left_m[0] * abs(way_m[1]) < left_m[1] * abs(way_m[0]):
+        return int(Action.EAST if way_m[0] > 0 else Action.WEST)
+    return int(Action.NORTH if way_m[1] > 0 else Action.SOUTH)
 
 
 def _way(drive: RecordedDrive, span: EpisodeSpan) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -129,7 +129,7 @@ def posed_intents(
     asked = _Seconds(spans)
     moved_m = track.at(asked.end_s) - track.at(asked.begin_s)
     least_m = mapping.minimum_speed_mps * (asked.end_s - asked.begin_s)
-    return asked.intents(actions_of_ways(moved_m, least_m))
+    return asked.intents(actions_of_ways(moved_m, least_m), moved_m)
 
 
 class _Seconds:
@@ -148,15 +148,17 @@ class _Seconds:
         self.end_s = np.minimum(self.begin_s + _AHEAD_S, ends_s)
         self._episode = np.repeat(np.arange(len(spans)), counts)
 
-    def intents(self, action: IntArray) -> Intents:
+    def intents(self, action: IntArray, way_m: FloatArray) -> Intents:
         """Of the actions (N,), those that are another one than before, or the first of an episode;
-        each is in force until the next."""
+        each is in force until the next. way_m: (N, 2) that is commanded."""
         changed = np.diff(action, prepend=SILENCE - 1) != 0
         changed |= np.diff(self._episode, prepend=-1) != 0
         return {
             "intent_time_s": self.begin_s[changed],
             "intent_action": action[changed],
             "intent_hold_s": np.inf,
+            "way_time_s": self.begin_s,
+            "way_m": way_m,
         }
 
 
@@ -192,10 +194,9 @@ def intents_of_velocities(
     begin, end = (np.searchsorted(edges_s, each) for each in (asked.begin_s, asked.end_s))
     held |= waits_in_silence
     held_s = np.append(0.0, np.cumsum(np.diff(edges_s) * held))
-    actions = actions_of_ways(
-        way_m[end] - way_m[begin], minimum_speed_mps * (held_s[end] - held_s[begin])
-    )
-    return asked.intents(np.where(held[begin], actions, SILENCE))
+    asked_m = way_m[end] - way_m[begin]
+    actions = actions_of_ways(asked_m, minimum_speed_mps * (held_s[end] - held_s[begin]))
+    return asked.intents(np.where(held[begin], actions, SILENCE), asked_m)
 
 
 def actions_of_ways(way_m: FloatArray, least_m: FloatArray) -> IntArray:

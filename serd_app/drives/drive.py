@@ -84,6 +84,8 @@ class RecordedDrive:
     longest_gap_s: between two poses across which the place is still interpolated.
     minimum_speed_mps: mean speed from which on the robot moves.
     cuts: how many episodes without marks end at a gap, a goal, a stop or a turn.
+    way_time_s, way_m: (M,) times and (M, 2) ways of the second after each, as commanded or driven;
+    none where intents are actions already.
     """
 
     pose_time_s: FloatArray
@@ -100,6 +102,8 @@ class RecordedDrive:
     longest_gap_s: float = LONGEST_GAP_S
     minimum_speed_mps: float = 0.05
     cuts: Mapping[str, int] = field(default_factory=dict)
+    way_time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
+    way_m: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def with_hidden_actions(self) -> "RecordedDrive":
@@ -113,6 +117,8 @@ def hidden_intents(spans: tuple[EpisodeSpan, ...]) -> dict[str, Any]:
         "intent_time_s": np.array([span.start_s for span in spans], dtype=np.float64),
         "intent_action": np.full(len(spans), HIDDEN, dtype=np.int64),
         "intent_hold_s": np.inf,
+        "way_time_s": np.zeros(0),
+        "way_m": np.zeros((0, 2)),
     }
 
 

@@ -58,7 +58,7 @@ class DecisionEpochs:
     """
 
     def __init__(self, grid: Grid, *, patience_s: float, wait_s: float) -> None:
-        self._grid, self._patience_s, self._wait_s = grid, patience_s, wait_s
+        self.grid, self._patience_s, self._wait_s = grid, patience_s, wait_s
         self._cells = CellTracker(grid, hysteresis_m(grid))
         self.begin()
 
@@ -147,7 +147,7 @@ class DecisionEpochs:
             entered = (Entered(time_s, state),)
         for entered_s, reached in entered:
             end_s = max(entered_s, begin_s + LEAST_DWELL_S)
-            if state >= 0 and reached not in (state, *self._grid.neighbours[state]):
+            if state >= 0 and reached not in (state, *self.grid.neighbours[state]):
                 self.n_lost += 1  # through a wall
             else:
                 self.ended.append(Epoch(state, action, begin_s, end_s, reached))
@@ -161,14 +161,14 @@ class DecisionEpochs:
         """Whether the place is so far beyond a wall that it was not measured wrongly."""
         if self.state < 0:
             return False
-        center_x_m, center_y_m = self._grid.centers_m[self.state].tolist()
-        farthest_m = (0.5 + _BEYOND_WALLS_CELLS) * self._grid.cell_size_m
+        center_x_m, center_y_m = self.grid.centers_m[self.state].tolist()
+        farthest_m = (0.5 + _BEYOND_WALLS_CELLS) * self.grid.cell_size_m
         return bool(max(abs(x_m - center_x_m), abs(y_m - center_y_m)) > farthest_m)
 
     def _is_within(self, x_m: float, y_m: float) -> bool:
         """Whether the place is in the rectangle of the grid, on cells or on walls."""
-        (left_m, low_m), size_m = self._grid.origin_m, self._grid.cell_size_m
-        rows, columns = self._grid.walkable.shape
+        (left_m, low_m), size_m = self.grid.origin_m, self.grid.cell_size_m
+        rows, columns = self.grid.walkable.shape
         east, north = (x_m - left_m) / size_m, (y_m - low_m) / size_m
         return bool(0 <= east <= columns and 0 <= north <= rows)
 

@@ -17,6 +17,7 @@ from serd_app.demonstrations.discretise import (
     decisions_from_drive,
     demonstrations_of_bag,
 )
+from serd_app.drives.actions import intents_of_velocities
 from serd_app.drives.drive import NOT_FINITE, SILENCE, EpisodeSpan, RecordedDrive
 from serd_app.drives.sessions import read_drives
 from serd_bag.errors import BagError
@@ -306,3 +307,28 @@ def test_repeated_episodes_are_counted_and_their_waits_are_not():
 def test_a_wait_moves_from_the_least_speed_on(moved_m, n_moving):
     recorded = drive([(2.25, 0.5), (2.25 + moved_m, 0.5)], [(0.0, WAIT)], minimum_speed_mps=0.25)
     assert found(recorded)[1].n_moving_waits == n_moving
+
+
+@pytest.mark.parametrize("degrees", [30.0, 40.0, 50.0, 60.0, 130.0, -35.0])
+def test_a_slanted_way_is_for_the_cells_that_it_enters(degrees):
+    """Each decision of a drive straight on at an angle leads to the cell that it is for."""
+    wide = Grid((-12.0, -12.0), 1.0, np.ones((24, 24), dtype=bool))
+    angle, time_s = np.deg2rad(degrees), np.arange(0.0, 20.0, 0.05)
+    way_m = np.array([np.cos(angle), np.sin(angle)])
+    spans = (EpisodeSpan(0, 0.0, float(time_s[-1]), "unmarked"),)
+    intents = intents_of_velocities(
+        spans,
+        command_time_s=np.array([0.0]),
+        command_mps=np.array([[0.5, 0.0]]),
+        pose_time_s=time_s,
+        yaw_rad=np.full(len(time_s), angle),
+        hold_s=np.inf,
+    )
+    places_m = np.array([0.05, 0.15]) + 0.5 * time_s[:, None] * way_m
+    recorded = RecordedDrive(time_s, places_m, episodes=spans, **intents)
+    decisions, _ = decisions_from_drive(recorded, wide, 4.0, 1.0)
+    seen = decisions.select(decisions.censored == 0)
+    assert len(seen) >= 8
+    assert len(np.unique(seen.action)) == 2
+    aimed_at = wide.neighbours[seen.state, seen.action]
+    assert (aimed_at != seen.next_state).sum() <= 1  # a way through a corner

@@ -120,6 +120,6 @@ def test_drives_on_one_side_of_the_middle_contradict_where_chance_does_not_expla
     n, n_early, contradicts
 ):
     early = np.arange(n) < n_early
-    recorded = RecordedTimes(np.full(n, 10.0), np.zeros(n, dtype=bool), early)
+    recorded = RecordedTimes(np.full(n, 10.0), np.zeros(n, dtype=bool), early, ~early)
     assert recorded.contradict == contradicts
     assert (2 * binom.sf(max(n_early, n - n_early) - 1, n, 0.5) <= LEVEL) == contradicts
