@@ -60,6 +60,8 @@ def bench(
         for t in TASKS
     }
     table = table_of(rows)
+    if table.empty:
+        raise SerdError("a task must have files and a method that states it, got none; add some")
     write_files(output, {"bench.csv": table, "bench.png": bench_figure(table)})
     target, folder = (output / "bench.md", "") if quick else (PAGE, "results/")
     atomic_write_text(target, page(rows, absent, folder))

@@ -178,6 +178,11 @@ def test_the_command_writes_table_and_page_and_goes_on_where_it_stopped(lab, tmp
     ended = lab(*words)
     assert "rust is left out: --data must hold rust1987/a530875.asc" in ended.err
     assert "jax_joint is left out: jax_joint must install (jax==" in ended.err.replace("\n", " ")
+    nothing = lab("bench", "--task", "rust", "--output", "empty", "--data", "here")
+    assert nothing.code == 2
+    assert "a task must have files and a method that states it, got none" in nothing.err.replace(
+        "\n", " "
+    )
     folder = tmp_path / "here" / "out"
     with (folder / "bench.csv").open() as file:
         rows = list(csv.DictReader(file))
