@@ -21,7 +21,7 @@ from serd_core.ascent.ascent import STOPPED, AscentResult, Step, StepCallback
 from serd_core.ascent.trust_region import SHORT, NewtonAscent
 from serd_core.bayes.hyperpriors import HYPERPRIORS
 from serd_core.bayes.laplace import laplace_at
-from serd_core.checks import require_kind, require_positive
+from serd_core.checks import require_positive
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
@@ -47,9 +47,9 @@ class PriorByEvidence:
     outcomes; dwell_deviation: sd of log mean dwell times around a common one, where moves take time
     (`DwellPrior`); intended_ratio: rho, of models with an intended outcome. None for the one of
     highest evidence. Few laws hold hardly any evidence of their deviation, and a small one makes
-    moves that nobody makes as fast as the others. sampled: whether draws of the posterior have
-    strengths of their own, one of each weight and a base measure of outcomes
-    (`serd_core.bayes.hyperpriors`), for those not given.
+    moves that nobody makes as fast as the others. Draws of the posterior have strengths of their
+    own, for those not given: a scale of each weight, and a base measure of outcomes where none is
+    intended (`serd_core.bayes.hyperpriors`).
 
         fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(pseudo_count=1.0))
     """
@@ -58,10 +58,8 @@ class PriorByEvidence:
     pseudo_count: float | None = None
     dwell_deviation: float | None = 1.0
     intended_ratio: float | None = None
-    sampled: bool = False
 
     def __post_init__(self) -> None:
-        require_kind("sampled of PriorByEvidence", self.sampled, (bool,), "True")
         for name in HYPERPRIORS:
             if (value := getattr(self, name)) is not None:
                 require_positive(f"{name} of PriorByEvidence", value, "use None to find it")

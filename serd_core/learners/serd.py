@@ -79,7 +79,7 @@ def fit_serd(
     open_strengths: tuple[str, ...] = ()
     if isinstance(prior, PriorByEvidence):
         staged = initial_weights is None
-        open_strengths = prior.strengths(belief, model).open if prior.sampled else ()
+        open_strengths = prior.strengths(belief, model).open
         found = fit_by_evidence(posterior, belief, prior, start, on_step, staged=staged)
         objective, parameters, ascended = found
         prior = objective.posterior.prior

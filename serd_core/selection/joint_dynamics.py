@@ -156,7 +156,8 @@ def _moves_alone(joint: Laplace) -> Laplace:
     seen = joint.posterior.observations
     seen = replace(seen, state_action=np.zeros_like(seen.state_action))
     objective = LogPosterior(replace(joint.posterior, observations=seen), joint.coordinates)
-    return laplace_at(objective, NewtonAscent().maximise(objective, joint.mode).vector)
+    found = laplace_at(objective, NewtonAscent().maximise(objective, joint.mode).vector)
+    return replace(found, open_strengths=joint.open_strengths)
 
 
 def _of_moves(problem: Problem, seen: Observations, truth: FloatArray) -> FloatArray:

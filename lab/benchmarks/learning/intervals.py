@@ -22,7 +22,6 @@ from lab.posterior.families import FAMILIES, Family
 from serd_core.arrays import BoolArray, FloatArray
 from serd_core.bayes.information import OutcomeInformation, outcome_information
 from serd_core.bayes.laplace import laplace, posterior_policy
-from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
@@ -33,7 +32,7 @@ from serd_core.semi_markov.models import SemiMarkovModels
 from serd_core.semi_markov.place import dwell_summary
 
 SIZES = (3, 25)
-PRIORS = ("evidence", "sampled", "oracle")
+PRIORS = ("evidence", "oracle")
 KINDS = ("weights", "outcomes", "times")
 #: Draws over which policies are averaged, and episodes on which they are scored.
 N_AVERAGED, HELD_OUT = 64, 200
@@ -106,8 +105,7 @@ def measure(family: str, demonstrations: int, world: int, prior: str) -> dict[st
 def _fit(place: Family, decisions: Decisions, prior: str) -> FitResult:
     if prior == "oracle":
         return fit_by_own_prior(place, decisions)
-    by_evidence = PriorByEvidence(sampled=prior == "sampled")
-    return fit_mdce_serd(place.problem, decisions, prior=by_evidence)
+    return fit_mdce_serd(place.problem, decisions)
 
 
 def _numbers(

@@ -310,7 +310,7 @@ def test_a_base_measure_that_is_sampled_is_the_posterior_by_quadrature():
     models = sc.OutcomeModels(successors, [[0, 1], [0, 1]], available, 2)
     problem = sc.TabularProblem(sc.Mdp(models, 0.0), np.zeros((2, 2, 1)), ("none",))
     decisions = apart(0, 0, np.repeat([0, 1], [12, 1]))
-    fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence(sampled=True))
+    fit = sc.fit_mdce_serd(problem, decisions, prior=sc.PriorByEvidence())
     found = sc.laplace(problem, decisions, fit)
     assert found.open_strengths == ("deviation", "pseudo_count")
     draws = laplace_module.interval_draws(found, np.random.default_rng(0))
