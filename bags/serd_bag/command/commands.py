@@ -1,11 +1,14 @@
 """The commands, on any screen, and what they print about bags: tables, sentences and plain values.
 
-Each returns its exit code, of several bags the highest.
+The exit code is the highest one of all bags.
 """
 
-from collections.abc import Iterable, Sequence
+import shutil
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from serd_bag.errors import BagError
@@ -13,11 +16,12 @@ from serd_bag.quantities import counted, seconds_in_words
 
 if TYPE_CHECKING:
     from serd_bag.command.rewrite import RewriteReport
-    from serd_bag.formats.mcap.writer import Compression
     from serd_bag.health.check import BagCheck
     from serd_bag.health.contents import BagContents
     from serd_bag.rescue.certificate import Certificate
+    from serd_bag.verbs.cut import Selection
 
+_STANDARD = Path("-")
 #: Longer ones are those of another clock, of which digits after the point state nothing.
 _LONG_DELAY_S = 100.0
 #: Exit codes, of which EXIT_CODES has the meaning.
@@ -51,9 +55,10 @@ class Page:
 
 
 class Screen(Protocol):
-    """Where results go; as_json: as values in place of pages."""
+    """Where results go; as_json: as values in place of pages; is_aside: on stderr."""
 
     as_json: bool
+    is_aside: bool
 
     def values(self, values: list[dict[str, Any]]) -> None:
         """All results as JSON."""
@@ -62,80 +67,110 @@ class Screen(Protocol):
         """The result for one bag."""
 
 
-def show_contents(bags: Sequence[Path], screen: Screen, *, sizes: bool = False) -> int:
-    """`info`: show what bags hold."""
+def run_command(name: str, given: Any, screen: Screen) -> int:
+    """Run a command of `COMMANDS` with its options and `bags`; returns its exit code.
+
+    `-` as a bag is the standard input, and as output the standard output, on which the new bag is
+    written; the result is then shown aside.
+    """
+    with TemporaryDirectory() as folder:
+        given.bags = [_standard_input(Path(folder), bag) for bag in given.bags]
+        output = getattr(given, "output", None)
+        if output != _STANDARD:
+            return _shown(_PAGES[name](given), screen)
+        given.output = Path(folder) / "output"
+        screen.is_aside = True
+        code = _shown(_PAGES[name](given), screen)
+        for file in sorted(given.output.glob("*.mcap")):
+            with file.open("rb") as stream:
+                shutil.copyfileobj(stream, sys.stdout.buffer)
+    return code
+
+
+def _standard_input(folder: Path, bag: Path) -> Path:
+    """A bag, in place of `-` a file with what comes on the standard input."""
+    if bag != _STANDARD:
+        return bag
+    file = folder / "standard_input.mcap"
+    with file.open("wb") as stream:
+        shutil.copyfileobj(sys.stdin.buffer, stream)
+    return file
+
+
+def _contents(given: Any) -> Iterator[Page]:
     from serd_bag.health.contents import contents_of_bag
 
-    found = (contents_of_bag(bag, sizes=sizes) for bag in bags)
-    return _shown(map(_contents_page, found), screen)
+    for bag in given.bags:
+        yield _contents_page(contents_of_bag(bag, sizes=given.sizes))
 
 
-def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:
-    """`check`: read bags completely and list their faults."""
+def _checks(given: Any) -> Iterator[Page]:
     from serd_bag.health.check import check_bag
 
-    return _shown((_check_page(check_bag(bag, required)) for bag in bags), screen)
+    for bag in given.bags:
+        yield _check_page(check_bag(bag, given.require or ()))
 
 
-def rescue_bags(
-    bags: Sequence[Path], output: Path | None, screen: Screen, *, doubtful: bool = True
-) -> int:
-    """`rescue`: save what broken recordings hold as new bags."""
+def _rescued(given: Any) -> Iterator[Page]:
     from serd_bag.rescue.saving import rescue
 
-    _require_one(bags, output)
-    found = (rescue(bag, output or beside(bag, "rescued"), doubtful=doubtful) for bag in bags)
-    return _shown(map(_rescue_page, found), screen)
+    for bag, output in _outputs(given, "rescued"):
+        yield _rescue_page(rescue(bag, output, doubtful=not given.verified_only))
 
 
-def convert_bags(
-    bags: Sequence[Path], output: Path | None, compression: "Compression", screen: Screen
-) -> int:
-    """`convert`: write sound bags as MCAP of ROS 2."""
+def _converted(given: Any) -> Iterator[Page]:
     from serd_bag.command.rewrite import convert
 
-    _require_one(bags, output)
-    found = (convert(bag, output or beside(bag, "mcap"), compression=compression) for bag in bags)
-    return _shown(map(_rewrite_page, found), screen)
+    for bag, output in _outputs(given, "mcap"):
+        yield _rewrite_page(convert(bag, output, compression=given.compression))
 
 
-def cut_bags(given: Any, screen: Screen) -> int:
-    """`cut` and `merge`: write selected messages of bags as one new bag."""
-    from serd_bag.verbs.cut import Selection, cut
-
-    if given.command == "cut" and len(given.bags) > 1:
+def _cut(given: Any) -> Iterator[Page]:
+    if len(given.bags) > 1:
         raise BagError(f"cut must have one BAG, got {len(given.bags)}; merge takes several")
-    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
+    yield _selected(given, "cut")
+
+
+def _merged(given: Any) -> Iterator[Page]:
+    yield _selected(given, "merged")
+
+
+def _selected(given: Any, ending: str) -> Page:
+    from serd_bag.verbs.cut import cut
+
     report = cut(
         given.bags,
-        given.output or beside(given.bags[0], "cut" if given.command == "cut" else "merged"),
-        selection,
+        given.output or beside(given.bags[0], ending),
+        _selection(given),
         split_bytes=None if given.split_mb is None else round(given.split_mb * 1e6),
         sort=given.sort,
         compression=given.compression,
     )
-    return _shown([_rewrite_page(report)], screen)
+    return _rewrite_page(report)
 
 
-def print_messages(given: Any) -> int:
-    """`cat`: print messages as JSON lines or CSV."""
-    from serd_bag.reader import BagReader
+def _selection(given: Any) -> "Selection":
     from serd_bag.verbs.cut import Selection
+
+    return Selection(given.topic or (), given.without or (), given.from_s, given.to_s)
+
+
+def _texts(given: Any) -> Iterator[Page]:
+    """Print messages as JSON lines or CSV, without a page."""
+    from serd_bag.reader import BagReader
     from serd_bag.verbs.text import csv_lines, json_lines
 
-    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
-    reader = BagReader(given.bags[0])
+    reader, selection = BagReader(given.bags[0]), _selection(given)
     columns = given.columns and given.columns.split(",")
-    lines = csv_lines(reader, selection, columns) if columns else json_lines(reader, selection)
-    for line in lines:
+    for line in csv_lines(reader, selection, columns) if columns else json_lines(reader, selection):
         print(line)
-    return COMPLETE
+    yield from ()
 
 
-def show_difference(first: Path, second: Path, screen: Screen) -> int:
-    """`diff`: show how two bags differ."""
+def _difference(given: Any) -> Iterator[Page]:
     from serd_bag.verbs.difference import difference
 
+    first, second = given.bags
     topics = [topic for topic in difference(first, second) if not topic.is_same]
     rows = [
         (
@@ -149,25 +184,36 @@ def show_difference(first: Path, second: Path, screen: Screen) -> int:
     verdict = f"{counted(len(topics), 'topic')} differ" if topics else "no difference"
     values = {"first": first, "second": second, "topics": [asdict(topic) for topic in topics]}
     code = INCOMPLETE if topics else COMPLETE
-    page = Page(f"{first} and {second}: {verdict}", columns, rows, values, code, texts=(0, 5))
-    return _shown([page], screen)
+    yield Page(f"{first} and {second}: {verdict}", columns, rows, values, code, texts=(0, 5))
 
 
-def reindex_bags(bags: Sequence[Path], screen: Screen) -> int:
-    """`reindex`: write summaries and metadata.yaml anew."""
+def _reindexed(given: Any) -> Iterator[Page]:
     from serd_bag.verbs.reindex import reindex
 
-    def page(bag: Path) -> Page:
+    for bag in given.bags:
         n_messages = reindex(bag)
         heading = f"{bag}: {counted(n_messages, 'message')}"
-        return Page(heading, (), [], {"path": bag, "n_messages": n_messages}, COMPLETE)
-
-    return _shown(map(page, bags), screen)
+        yield Page(heading, (), [], {"path": bag, "n_messages": n_messages}, COMPLETE)
 
 
-def _require_one(bags: Sequence[Path], output: Path | None) -> None:
-    if output is not None and len(bags) > 1:
-        raise BagError(f"--output must be left out for several bags, got {output}; run each")
+_PAGES: dict[str, Callable[[Any], Iterator[Page]]] = {
+    "rescue": _rescued,
+    "info": _contents,
+    "check": _checks,
+    "convert": _converted,
+    "cut": _cut,
+    "merge": _merged,
+    "cat": _texts,
+    "diff": _difference,
+    "reindex": _reindexed,
+}
+
+
+def _outputs(given: Any, ending: str) -> list[tuple[Path, Path]]:
+    """Each bag with the folder of the new one."""
+    if given.output is not None and len(given.bags) > 1:
+        raise BagError(f"--output must be left out for several bags, got {given.output}; run each")
+    return [(bag, given.output or beside(bag, ending)) for bag in given.bags]
 
 
 def beside(bag: Path, ending: str) -> Path:
