@@ -5,12 +5,9 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rich.table import Table as RichTable
-from rich.text import Text
 
-from serd_bag.command.commands import EXIT_CODES, Page, run_command
+from serd_bag.command.commands import EXIT_CODES, run_command
 from serd_bag.command.options import BAGS, COMMANDS, N_BAGS, OPTIONS, flag_of
-from serd_bag.errors import printable
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
@@ -24,7 +21,7 @@ from serd_cli.options import (
     validated,
     with_parameters,
 )
-from serd_cli.output.terminal import console, print_json, progress_console
+from serd_cli.output.terminal import console, print_json
 from serd_ros.settings import BagReplayConfig
 
 if TYPE_CHECKING:
@@ -47,10 +44,9 @@ def _add_shared(name: str) -> None:
     options = names.split()
 
     def run(bags: Bags, **given: Any) -> None:
-        screen = RichScreen(as_json=given.get("json", False))
         if name in N_BAGS and len(bags) != N_BAGS[name]:
             raise UsageError(f"{name} must have {counted(N_BAGS[name], 'BAG')}, got {len(bags)}")
-        raise typer.Exit(run_command(name, SimpleNamespace(bags=bags, **given), screen))
+        raise typer.Exit(run_command(name, SimpleNamespace(bags=bags, **given)))
 
     function = with_parameters(run, {each: _typed(each) for each in options})
     parts = (f"{about[0].upper()}{about[1:]}.", more, EXIT_CODES)
@@ -130,11 +126,6 @@ def play(
     replay(settings, parse_remappings(remap or ()))
 
 
-#: Of a column of names: rich narrows these first where the table is wider than the terminal.
-_LEAST_TEXT_WIDTH = 12
-_COLOURS = {"good": "green", "notable": "yellow", "bad": "red"}
-
-
 def print_suggestion(found: "Suggestion", text: str, output: Path) -> None:
     """The mapping file, what it gives, and the command to use it with."""
     console.print(text, soft_wrap=True)
@@ -154,37 +145,6 @@ def suggestion_values(found: "Suggestion", bag: Path, output: Path) -> dict[str,
     report = None if found.report is None else found.report.model_dump()
     values = {"bag": bag, "mapping": found.mapping.model_dump(mode="json")}
     return {**values, "comments": found.comments, "report": report, "file": output}
-
-
-class RichScreen:
-    """Prints in colours, tables with borders."""
-
-    def __init__(self, *, as_json: bool) -> None:
-        self.as_json = as_json
-        self.is_aside = False
-
-    def values(self, values: list[dict[str, Any]]) -> None:
-        """All results as JSON."""
-        print_json(values, aside=self.is_aside)
-
-    def show(self, page: Page) -> None:
-        """A table whose names are folded first where it is wider than the terminal, sentences in
-        the colours of their styles; remarks on stderr."""
-        results = progress_console if self.is_aside else console
-        results.print(Text(page.heading), soft_wrap=True)
-        shown = RichTable()
-        for number, name in enumerate(page.columns):
-            if number in page.texts:
-                shown.add_column(name, overflow="fold", min_width=_LEAST_TEXT_WIDTH)
-            else:
-                shown.add_column(name, justify="right", no_wrap=True)
-        for row in page.rows:
-            shown.add_row(*map(printable, row))
-        results.print(shown)
-        for style, sentence in page.lines:
-            results.print(Text(printable(sentence), style=_COLOURS[style]), soft_wrap=True)
-        for remark in page.remarks:
-            progress_console.print(remark, style="yellow", soft_wrap=True)
 
 
 for shared in COMMANDS:

@@ -2,7 +2,6 @@
 
 import json
 import math
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -30,13 +29,9 @@ console = Console(highlight=False, markup=False, emoji=False)
 progress_console = Console(stderr=True, highlight=False, markup=False, emoji=False)
 
 
-def print_json(values: Any, *, aside: bool = False) -> None:
-    """Print plain values; paths become text, and numbers that are not finite are refused.
-
-    aside: on stderr.
-    """
-    text = json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str)
-    print(text, file=sys.stderr if aside else sys.stdout)
+def print_json(values: Any) -> None:
+    """Print plain values; paths become text, and numbers that are not finite are refused."""
+    print(json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str))
 
 
 def finite(value: float) -> float | None:

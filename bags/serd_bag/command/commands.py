@@ -1,17 +1,19 @@
-"""The commands, on any screen, and what they print about bags: tables, sentences and plain values.
+"""The commands, and what they print about bags: tables, sentences or JSON.
 
 The exit code is the highest one of all bags.
 """
 
+import json
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, TextIO
 
-from serd_bag.errors import BagError
+from serd_bag.errors import BagError, printable
 from serd_bag.quantities import counted, seconds_in_words
 
 if TYPE_CHECKING:
@@ -30,18 +32,15 @@ EXIT_CODES = (
     "exit codes: 0 nothing is missing; 1 a bag is not sound or whole: messages are lost or may be,"
     " check found a fault, or diff a difference; 2 bad arguments, or nothing that can be read"
 )
-#: A sentence below a table and how it is to be shown.
-Line = tuple[Literal["good", "notable", "bad"], str]
 
 
 @dataclass(frozen=True)
 class Page:
     """What a command prints about one bag: a heading, a table, and lines below it.
 
-    columns: heads of the columns, of one or two lines; texts: indices of the columns that may be
-    folded, the others hold numbers; remarks: sentences for stderr; values: what is printed as JSON
-    in place of all this; code: the exit code. Names in a bag may hold characters that a terminal
-    obeys: `serd_bag.errors.printable` must be applied to rows and lines.
+    columns: heads of the columns, of one or two lines; texts: indices of those that are aligned
+    left, the others hold numbers; remarks: sentences for stderr; values: what is printed as JSON in
+    place of all this; code: the exit code.
     """
 
     heading: str
@@ -50,37 +49,23 @@ class Page:
     values: dict[str, Any]
     code: int
     texts: tuple[int, ...] = (0,)
-    lines: Sequence[Line] = ()
+    lines: Sequence[str] = ()
     remarks: Sequence[str] = ()
 
 
-class Screen(Protocol):
-    """Where results go; as_json: as values in place of pages; is_aside: on stderr."""
-
-    as_json: bool
-    is_aside: bool
-
-    def values(self, values: list[dict[str, Any]]) -> None:
-        """All results as JSON."""
-
-    def show(self, page: Page) -> None:
-        """The result for one bag."""
-
-
-def run_command(name: str, given: Any, screen: Screen) -> int:
+def run_command(name: str, given: Any) -> int:
     """Run a command of `COMMANDS` with its options and `bags`; returns its exit code.
 
     `-` as a bag is the standard input, and as output the standard output, on which the new bag is
-    written; the result is then shown aside.
+    written; the result is then shown on stderr.
     """
     with TemporaryDirectory() as folder:
         given.bags = [_standard_input(Path(folder), bag) for bag in given.bags]
         output = getattr(given, "output", None)
         if output != _STANDARD:
-            return _shown(_PAGES[name](given), screen)
+            return _shown(_PAGES[name](given), given, sys.stdout)
         given.output = Path(folder) / "output"
-        screen.is_aside = True
-        code = _shown(_PAGES[name](given), screen)
+        code = _shown(_PAGES[name](given), given, sys.stderr)
         for file in sorted(given.output.glob("*.mcap")):
             with file.open("rb") as stream:
                 shutil.copyfileobj(stream, sys.stdout.buffer)
@@ -225,17 +210,38 @@ def beside(bag: Path, ending: str) -> Path:
     return whole.with_name(f"{name}_{ending}")
 
 
-def _shown(pages: Iterable[Page], screen: Screen) -> int:
+def _shown(pages: Iterable[Page], given: Any, file: TextIO) -> int:
     """Show each page before the next bag is read, which may fail; returns the exit code."""
     values, codes = [], [COMPLETE]
+    is_json = getattr(given, "json", False)
     for page in pages:
         values.append(page.values)
         codes.append(page.code)
-        if not screen.as_json:
-            screen.show(page)
-    if screen.as_json:
-        screen.values(values)
+        if not is_json:
+            _show(page, file)
+    if is_json:
+        text = json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str)
+        print(text, file=file)
     return max(codes)
+
+
+def _show(page: Page, file: TextIO) -> None:
+    """Print the table with a line below its head, then the lines; remarks on stderr."""
+    heads = list(zip_longest(*(column.split("\n") for column in page.columns), fillvalue=""))
+    rows = [tuple(map(printable, row)) for row in page.rows]
+    widths = [max(map(len, column)) for column in zip(*heads, *rows, strict=True)]
+    ruler = tuple("-" * width for width in widths)
+    print(page.heading, file=file)
+    for line in (*heads, ruler, *rows):
+        cells = (
+            text.ljust(width) if column in page.texts else text.rjust(width)
+            for column, (text, width) in enumerate(zip(line, widths, strict=True))
+        )
+        print("  ".join(cells).rstrip(), file=file)
+    for sentence in page.lines:
+        print(printable(sentence), file=file)
+    for remark in page.remarks:
+        print(remark, file=sys.stderr)
 
 
 def _contents_page(found: "BagContents") -> Page:
@@ -274,12 +280,12 @@ def _check_page(found: "BagCheck") -> Page:
         )
         for topic in found.topics
     ]
-    lines: list[Line] = [("bad", f"fault: {fault}") for fault in found.faults]
-    lines += [("notable", f"note: {remark}") for remark in found.remarks]
+    lines = [f"fault: {fault}" for fault in found.faults]
+    lines += [f"note: {remark}" for remark in found.remarks]
     if found.sound:
-        lines.append(("good", f"sound: {found.path}"))
+        lines.append(f"sound: {found.path}")
     else:
-        lines.append(("bad", f"not sound: {found.path} ({counted(len(found.faults), 'fault')})"))
+        lines.append(f"not sound: {found.path} ({counted(len(found.faults), 'fault')})")
     values = _values(found, "sound", "n_messages")
     code = COMPLETE if found.sound else INCOMPLETE
     return Page(_heading(found), columns, rows, values, code, lines=lines)
@@ -293,7 +299,7 @@ def _rewrite_page(report: "RewriteReport") -> Page:
         [(name, str(n)) for name, n in sorted(report.counts.items())],
         _values(report, "n_messages"),
         COMPLETE,
-        lines=[("notable", f"damage: {damage}") for damage in report.damage],
+        lines=[f"damage: {damage}" for damage in report.damage],
     )
 
 
@@ -309,14 +315,14 @@ def _rescue_page(found: "Certificate") -> Page:
         )
         for topic in found.topics
     ]
-    lines: list[Line] = [("notable", f"damage: {damage}") for damage in found.damage]
+    lines = [f"damage: {damage}" for damage in found.damage]
     for file in found.files:
         n_bytes = {state: file.n_bytes(state) for state in ("partly read", "lost", "not ours")}
         parts = [f"{count} bytes {state}" for state, count in n_bytes.items() if count]
         if parts:
-            lines.append(("notable", f"{file.path}: {', '.join(parts)}"))
+            lines.append(f"{file.path}: {', '.join(parts)}")
     lost = f"messages lost: {lost_in_words(found)}"
-    lines.append(("good" if found.is_complete else "bad", lost))
+    lines.append(lost)
     code = COMPLETE if found.is_complete else INCOMPLETE
     return Page(
         f"{found.source} -> {found.target}: {counted(found.n_messages, 'message')} saved",
