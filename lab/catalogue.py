@@ -76,7 +76,7 @@ BENCHMARKS = {
         ("learning", "calibration", "ranks of the truth among draws, in seven kinds of worlds"),
         ("learning", "gradient", "objective and gradient against the thesis's computation"),
         ("learning", "joint_dynamics", "alarms of the rule for joint or counted dynamics"),
-        ("recordings", "bags_throughput", "messages per second against rosbags; memory"),
+        ("recordings", "bags_throughput", "reading and copying against rosbags, mcap; memory"),
         ("recordings", "broken_bags", "messages saved of broken recordings, against two libraries"),
     )
 }

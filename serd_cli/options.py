@@ -39,7 +39,8 @@ def present(given: Any) -> Any:
     Checked before the imports of the command, which take longer.
     """
     for path in _listed(given):
-        require_readable(path)
+        if path != _STANDARD:
+            require_readable(path)
     return given
 
 
@@ -62,6 +63,8 @@ def _listed(given: Any) -> list[Any]:
     return [] if given is None else [given]
 
 
+#: The standard input, for commands that read it.
+_STANDARD = Path("-")
 #: Where many tasks run by default.
 EXECUTION = Execution()
 AsJson = Annotated[bool, opt("print JSON instead of text", "--json")]

@@ -76,6 +76,8 @@ class BagReader:
         self.scans: list[tuple[Path, FileScan]] = []
         self.layout: BagLayout = anything_layout(path) if carve else bag_layout(path)
         self._thorough = thorough
+        mode = (self.layout.metadata or {}).get("compression_mode", "MESSAGE")
+        self._packs_messages = str(mode).upper() == "MESSAGE"
         if self.layout.fault:
             self._report([Damage(self.path, None, self.layout.fault)])
         self._folder: Path | None = None
@@ -104,7 +106,11 @@ class BagReader:
         others = {each for each in self._channels if not _are_alike(each, first[each.topic])}
         if topics is None:
             others.clear()
-        for _, records in self.walks(topics):
+        is_plain = not others and all(each.encoding != ROS1 for each in self._channels)
+        for scan, records in self.walks(topics):
+            if is_plain and not self._packs_messages and isinstance(scan, SqliteScan):
+                yield from scan.messages(None if topics is None else frozenset(topics))
+                continue
             for record in records:
                 channel, _, data, log_time_ns, publish_time_ns = record
                 if others and channel in others:
@@ -143,36 +149,14 @@ class BagReader:
         self.scans = []
         for file, scan in self._scans():
             self.scans.append((file, scan))
-            yield scan, self._records_of(file, scan, wanted, doubtful)
+            found = scan.records(wanted, doubtful=doubtful)
+            yield scan, _unpacked_records(scan, found) if self._packs_messages else found
+            self.has_checksums &= scan.has_checksums
+            self._report(scan.damage, file)
         self.losses = losses(self.layout, self.scans)
         counts = sum((scan.counts for _, scan in self.scans), Counter())
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])
-
-    def _records_of(
-        self, file: Path, scan: FileScan, topics: frozenset[str] | None, doubtful: bool
-    ) -> Iterator[Record]:
-        broken: Counter[str] = Counter()
-        found = scan.records(topics, doubtful=doubtful)
-        if (
-            str((self.layout.metadata or {}).get("compression_mode", "MESSAGE")).upper()
-            != "MESSAGE"
-        ):
-            yield from found
-        for record in found:
-            if record[2][:4] != _COMPRESSED or record[0].encoding != CDR:
-                yield record
-            elif (data := _decompressed(record.data)) is not None:
-                yield record._replace(data=data)
-            else:
-                broken[record.channel.topic] += 1
-        scan.counts.subtract(broken)
-        scan.n_left_out += broken.total()
-        self.has_checksums &= scan.has_checksums
-        self._report(scan.damage, file)
-        if broken:
-            what = f"{broken.total()} compressed messages cannot be unpacked"
-            self._report([Damage(file, None, what)])
 
     @property
     def channels(self) -> list[Channel]:
@@ -223,6 +207,22 @@ class BagReader:
             raise DamagedBagError(costly[0].sentence() + advice)
         self.damage.extend(found)
         del self.damage[MOST_FAULTS:]
+
+
+def _unpacked_records(scan: FileScan, found: Iterator[Record]) -> Iterator[Record]:
+    """The records with the content of compressed messages, of which broken ones are left out."""
+    broken: Counter[str] = Counter()
+    for record in found:
+        if record[2][:4] != _COMPRESSED or record[0].encoding != CDR:
+            yield record
+        elif (data := _decompressed(record.data)) is not None:
+            yield record._replace(data=data)
+        else:
+            broken[record.channel.topic] += 1
+    scan.counts.subtract(broken)
+    scan.n_left_out += broken.total()
+    if broken:
+        scan.log.note(None, f"{broken.total()} compressed messages cannot be unpacked")
 
 
 def _parts_of(file: Path, path: Path) -> "Sequence[Part | None]":

@@ -1,30 +1,35 @@
 """`serd bag`: rescue, inspect, check, convert, map and play recordings."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rich.table import Table as RichTable
-from rich.text import Text
 
-from serd_bag.command.commands import Page, convert_bags, rescue_bags, show_checks, show_contents
-from serd_bag.command.texts import TEXTS
-from serd_bag.errors import printable
+from serd_bag.command.commands import EXIT_CODES, run_command
+from serd_bag.command.options import BAGS, COMMANDS, N_BAGS, OPTIONS, flag_of
 from serd_bag.files import atomic_write_text
-from serd_bag.formats.mcap.writer import Compression
 from serd_bag.quantities import counted
-from serd_cli.options import AsJson, add_command, arg, opt, option, require_suffix, validated
-from serd_cli.output.terminal import console, print_json, progress_console
+from serd_cli.errors import UsageError
+from serd_cli.options import (
+    AsJson,
+    add_command,
+    arg,
+    opt,
+    option,
+    require_suffix,
+    validated,
+    with_parameters,
+)
+from serd_cli.output.terminal import console, print_json
 from serd_ros.settings import BagReplayConfig
 
 if TYPE_CHECKING:
     from serd_app.demonstrations.suggest import Suggestion
 
-Bags = Annotated[list[Path], arg(TEXTS["bags"], "BAG")]
-Bag = Annotated[Path, arg(TEXTS["bags"], "BAG")]
-Output = Annotated[Path | None, opt(TEXTS["output"])]
+Bags = Annotated[list[Path], arg(BAGS, "BAG")]
+Bag = Annotated[Path, arg(BAGS, "BAG")]
 Texts = list[str] | None
-Required = Annotated[Texts, opt(TEXTS["require"])]
 Mapping = Annotated[Path, opt("mapping file to write, ending in .yaml")]
 Topics = Annotated[Texts, opt("play this one; repeat for more")]
 Remap = Annotated[Texts, opt("play into another topic", metavar="FROM:=TO")]
@@ -33,62 +38,39 @@ WaitFor = Annotated[Texts, opt("start when this node subscribes", metavar="NODE"
 group = typer.Typer(add_completion=False, no_args_is_help=True, suggest_commands=True)
 
 
-def info(
-    bags: Bags,
-    sizes: Annotated[bool, opt(TEXTS["sizes"], "--sizes")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Show what bags hold.
+def _add_shared(name: str) -> None:
+    """Add a command of `serd-bag`, with the same options and texts."""
+    names, about, more = COMMANDS[name]
+    options = names.split()
 
-    serd bag info demo_output/run-1/bag
+    def run(bags: Bags, **given: Any) -> None:
+        if name in N_BAGS and len(bags) != N_BAGS[name]:
+            raise UsageError(f"{name} must have {counted(N_BAGS[name], 'BAG')}, got {len(bags)}")
+        raise typer.Exit(run_command(name, SimpleNamespace(bags=bags, **given)))
 
-    Sound MCAP files are not read but for their summaries. Other and damaged ones are read too,
-    and their faults are listed. Exit code 1 where messages of a bag are known to be lost, or where
-    none of a damaged one can be read.
-    """
-    raise typer.Exit(show_contents(bags, RichScreen(as_json=as_json), sizes=sizes))
-
-
-def check(bags: Bags, require: Required = None, as_json: AsJson = False) -> None:
-    """Read bags completely and list their faults.
-
-    serd bag check BAG --require robot_pose --require intent
-
-    Exit code 1 where a bag is damaged or lacks a required topic.
-    """
-    raise typer.Exit(show_checks(bags, require or (), RichScreen(as_json=as_json)))
+    function = with_parameters(run, {each: _typed(each) for each in options})
+    parts = (f"{about[0].upper()}{about[1:]}.", more, EXIT_CODES)
+    add_command(group, name, function, "\n\n".join(filter(None, parts)))
 
 
-def rescue(
-    bags: Bags,
-    output: Output = None,
-    verified_only: Annotated[bool, opt(TEXTS["verified_only"], "--verified-only")] = False,
-    as_json: AsJson = False,
-) -> None:
-    """Save every whole message of a broken recording, or of any bytes that hold some.
-
-    serd bag rescue BAG
-
-    The new bag is BAG_rescued beside the broken one, or --output, with a certificate of what was
-    lost. The broken one is not changed. Exit code 0 where nothing was lost, 1 where something was
-    or may be, 2 where nothing can be read.
-    """
-    screen = RichScreen(as_json=as_json)
-    raise typer.Exit(rescue_bags(bags, output, screen, doubtful=not verified_only))
-
-
-def convert(
-    bags: Bags,
-    output: Output = None,
-    compression: Annotated[Compression, opt(TEXTS["compression"])] = "none",
-    as_json: AsJson = False,
-) -> None:
-    """Write any sound bag as MCAP of ROS 2.
-
-    The new bag is BAG_mcap beside the old one, or --output. Messages of ROS 1 become those of ROS 2
-    with the same fields, all others stay as they are. Exit code 2 where the bag is damaged.
-    """
-    raise typer.Exit(convert_bags(bags, output, compression, RichScreen(as_json=as_json)))
+def _typed(name: str) -> tuple[Any, Any]:
+    """Type and default of an option that argparse reads."""
+    option = OPTIONS[name]
+    kind, default = option.get("type", str), option.get("default")
+    found = opt(
+        option["help"],
+        flag_of(name),
+        metavar=option.get("metavar"),
+        show_default=default == "none",
+    )
+    action = option.get("action")
+    if action == "store_true":
+        return Annotated[bool, found], False
+    if action == "append":
+        return Annotated[list[str] | None, found], None
+    if "choices" in option:
+        kind = Literal[option["choices"]]
+    return Annotated[kind if default is not None else kind | None, found], default
 
 
 def suggest(bag: Bag, output: Mapping = Path("mapping.yaml"), as_json: AsJson = False) -> None:
@@ -144,11 +126,6 @@ def play(
     replay(settings, parse_remappings(remap or ()))
 
 
-#: Of a column of names: rich narrows these first where the table is wider than the terminal.
-_LEAST_TEXT_WIDTH = 12
-_COLOURS = {"good": "green", "notable": "yellow", "bad": "red"}
-
-
 def print_suggestion(found: "Suggestion", text: str, output: Path) -> None:
     """The mapping file, what it gives, and the command to use it with."""
     console.print(text, soft_wrap=True)
@@ -170,34 +147,7 @@ def suggestion_values(found: "Suggestion", bag: Path, output: Path) -> dict[str,
     return {**values, "comments": found.comments, "report": report, "file": output}
 
 
-class RichScreen:
-    """Prints in colours, tables with borders."""
-
-    def __init__(self, *, as_json: bool) -> None:
-        self.as_json = as_json
-
-    def values(self, values: list[dict[str, Any]]) -> None:
-        """All results as JSON."""
-        print_json(values)
-
-    def show(self, page: Page) -> None:
-        """A table whose names are folded first where it is wider than the terminal, sentences in
-        the colours of their styles; remarks on stderr."""
-        console.print(Text(page.heading), soft_wrap=True)
-        shown = RichTable()
-        for number, name in enumerate(page.columns):
-            if number in page.texts:
-                shown.add_column(name, overflow="fold", min_width=_LEAST_TEXT_WIDTH)
-            else:
-                shown.add_column(name, justify="right", no_wrap=True)
-        for row in page.rows:
-            shown.add_row(*map(printable, row))
-        console.print(shown)
-        for style, sentence in page.lines:
-            console.print(Text(printable(sentence), style=_COLOURS[style]), soft_wrap=True)
-        for remark in page.remarks:
-            progress_console.print(remark, style="yellow", soft_wrap=True)
-
-
-for function in (info, check, suggest, rescue, convert, play):
+for shared in COMMANDS:
+    _add_shared(shared)
+for function in (suggest, play):
     add_command(group, function.__name__, function)

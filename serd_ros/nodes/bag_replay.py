@@ -14,7 +14,6 @@ from rclpy.publisher import Publisher
 
 from serd_bag.formats.rosbag2.message_types import resolve_type_if_known
 from serd_bag.formats.rosbag2.qos import profile_to_offer
-from serd_bag.playback import Excerpt, Playback
 from serd_bag.reader import BagReader
 from serd_bag.topic import CDR, RawMessage, Topic, selected_topics
 from serd_ros.convert.diagnostics import ERROR, OK
@@ -23,6 +22,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import TYPES, message_class
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness
+from serd_ros.process.playback import Excerpt, Playback
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import BagReplayConfig
 

@@ -99,8 +99,8 @@ def test_each_module_of_commands_defines_the_command_of_its_name(root):
 
 def test_each_command_prints_its_result_as_json_on_request():
     for words, command in all_commands().items():
-        if words in ("run", "bag play"):
-            continue  # a node takes the place of the process
+        if words in ("run", "bag play", "bag cat"):
+            continue  # a node takes the place of the process; cat prints lines of JSON
         assert "--json" in [opt for each in command.params for opt in each.opts], words
 
 

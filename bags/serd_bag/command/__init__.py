@@ -1,1 +1,1 @@
-"""The commands info, check, recover and convert, for `serd bag` and for `serd-bag` without ROS."""
+"""The commands of `serd-bag`, which `serd bag` has too."""

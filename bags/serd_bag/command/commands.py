@@ -1,23 +1,29 @@
-"""The commands, on any screen, and what they print about bags: tables, sentences and plain values.
+"""The commands, and what they print about bags: tables, sentences or JSON.
 
-Each returns its exit code, of several bags the highest.
+The exit code is the highest one of all bags.
 """
 
-from collections.abc import Iterable, Sequence
+import json
+import shutil
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, TextIO
 
-from serd_bag.errors import BagError
+from serd_bag.errors import BagError, printable
 from serd_bag.quantities import counted, seconds_in_words
 
 if TYPE_CHECKING:
     from serd_bag.command.rewrite import RewriteReport
-    from serd_bag.formats.mcap.writer import Compression
     from serd_bag.health.check import BagCheck
     from serd_bag.health.contents import BagContents
     from serd_bag.rescue.certificate import Certificate
+    from serd_bag.verbs.cut import Selection
 
+_STANDARD = Path("-")
 #: Longer ones are those of another clock, of which digits after the point state nothing.
 _LONG_DELAY_S = 100.0
 #: Exit codes, of which EXIT_CODES has the meaning.
@@ -26,18 +32,15 @@ EXIT_CODES = (
     "exit codes: 0 nothing is missing; 1 a bag is not sound or whole: messages are lost or may be,"
     " check found a fault, or diff a difference; 2 bad arguments, or nothing that can be read"
 )
-#: A sentence below a table and how it is to be shown.
-Line = tuple[Literal["good", "notable", "bad"], str]
 
 
 @dataclass(frozen=True)
 class Page:
     """What a command prints about one bag: a heading, a table, and lines below it.
 
-    columns: heads of the columns, of one or two lines; texts: indices of the columns that may be
-    folded, the others hold numbers; remarks: sentences for stderr; values: what is printed as JSON
-    in place of all this; code: the exit code. Names in a bag may hold characters that a terminal
-    obeys: `serd_bag.errors.printable` must be applied to rows and lines.
+    columns: heads of the columns, of one or two lines; texts: indices of those that are aligned
+    left, the others hold numbers; remarks: sentences for stderr; values: what is printed as JSON in
+    place of all this; code: the exit code.
     """
 
     heading: str
@@ -46,96 +49,113 @@ class Page:
     values: dict[str, Any]
     code: int
     texts: tuple[int, ...] = (0,)
-    lines: Sequence[Line] = ()
+    lines: Sequence[str] = ()
     remarks: Sequence[str] = ()
 
 
-class Screen(Protocol):
-    """Where results go; as_json: as values in place of pages."""
+def run_command(name: str, given: Any) -> int:
+    """Run a command of `COMMANDS` with its options and `bags`; returns its exit code.
 
-    as_json: bool
+    `-` as a bag is the standard input, and as output the standard output, on which the new bag is
+    written; the result is then shown on stderr.
+    """
+    with TemporaryDirectory() as folder:
+        given.bags = [_standard_input(Path(folder), bag) for bag in given.bags]
+        output = getattr(given, "output", None)
+        if output != _STANDARD:
+            return _shown(_PAGES[name](given), given, sys.stdout)
+        given.output = Path(folder) / "output"
+        code = _shown(_PAGES[name](given), given, sys.stderr)
+        for file in sorted(given.output.glob("*.mcap")):
+            with file.open("rb") as stream:
+                shutil.copyfileobj(stream, sys.stdout.buffer)
+    return code
 
-    def values(self, values: list[dict[str, Any]]) -> None:
-        """All results as JSON."""
 
-    def show(self, page: Page) -> None:
-        """The result for one bag."""
+def _standard_input(folder: Path, bag: Path) -> Path:
+    """A bag, in place of `-` a file with what comes on the standard input."""
+    if bag != _STANDARD:
+        return bag
+    file = folder / "standard_input.mcap"
+    with file.open("wb") as stream:
+        shutil.copyfileobj(sys.stdin.buffer, stream)
+    return file
 
 
-def show_contents(bags: Sequence[Path], screen: Screen, *, sizes: bool = False) -> int:
-    """`info`: show what bags hold."""
+def _contents(given: Any) -> Iterator[Page]:
     from serd_bag.health.contents import contents_of_bag
 
-    found = (contents_of_bag(bag, sizes=sizes) for bag in bags)
-    return _shown(map(_contents_page, found), screen)
+    for bag in given.bags:
+        yield _contents_page(contents_of_bag(bag, sizes=given.sizes))
 
 
-def show_checks(bags: Sequence[Path], required: Sequence[str], screen: Screen) -> int:
-    """`check`: read bags completely and list their faults."""
+def _checks(given: Any) -> Iterator[Page]:
     from serd_bag.health.check import check_bag
 
-    return _shown((_check_page(check_bag(bag, required)) for bag in bags), screen)
+    for bag in given.bags:
+        yield _check_page(check_bag(bag, given.require or ()))
 
 
-def rescue_bags(
-    bags: Sequence[Path], output: Path | None, screen: Screen, *, doubtful: bool = True
-) -> int:
-    """`rescue`: save what broken recordings hold as new bags."""
+def _rescued(given: Any) -> Iterator[Page]:
     from serd_bag.rescue.saving import rescue
 
-    _require_one(bags, output)
-    found = (rescue(bag, output or beside(bag, "rescued"), doubtful=doubtful) for bag in bags)
-    return _shown(map(_rescue_page, found), screen)
+    for bag, output in _outputs(given, "rescued"):
+        yield _rescue_page(rescue(bag, output, doubtful=not given.verified_only))
 
 
-def convert_bags(
-    bags: Sequence[Path], output: Path | None, compression: "Compression", screen: Screen
-) -> int:
-    """`convert`: write sound bags as MCAP of ROS 2."""
+def _converted(given: Any) -> Iterator[Page]:
     from serd_bag.command.rewrite import convert
 
-    _require_one(bags, output)
-    found = (convert(bag, output or beside(bag, "mcap"), compression=compression) for bag in bags)
-    return _shown(map(_rewrite_page, found), screen)
+    for bag, output in _outputs(given, "mcap"):
+        yield _rewrite_page(convert(bag, output, compression=given.compression))
 
 
-def cut_bags(given: Any, screen: Screen) -> int:
-    """`cut` and `merge`: write selected messages of bags as one new bag."""
-    from serd_bag.verbs.cut import Selection, cut
-
-    if given.command == "cut" and len(given.bags) > 1:
+def _cut(given: Any) -> Iterator[Page]:
+    if len(given.bags) > 1:
         raise BagError(f"cut must have one BAG, got {len(given.bags)}; merge takes several")
-    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
+    yield _selected(given, "cut")
+
+
+def _merged(given: Any) -> Iterator[Page]:
+    yield _selected(given, "merged")
+
+
+def _selected(given: Any, ending: str) -> Page:
+    from serd_bag.verbs.cut import cut
+
     report = cut(
         given.bags,
-        given.output or beside(given.bags[0], "cut" if given.command == "cut" else "merged"),
-        selection,
+        given.output or beside(given.bags[0], ending),
+        _selection(given),
         split_bytes=None if given.split_mb is None else round(given.split_mb * 1e6),
         sort=given.sort,
         compression=given.compression,
     )
-    return _shown([_rewrite_page(report)], screen)
+    return _rewrite_page(report)
 
 
-def print_messages(given: Any) -> int:
-    """`cat`: print messages as JSON lines or CSV."""
-    from serd_bag.reader import BagReader
+def _selection(given: Any) -> "Selection":
     from serd_bag.verbs.cut import Selection
+
+    return Selection(given.topic or (), given.without or (), given.from_s, given.to_s)
+
+
+def _texts(given: Any) -> Iterator[Page]:
+    """Print messages as JSON lines or CSV, without a page."""
+    from serd_bag.reader import BagReader
     from serd_bag.verbs.text import csv_lines, json_lines
 
-    selection = Selection(given.topic, given.without, getattr(given, "from"), given.to)
-    reader = BagReader(given.bags[0])
+    reader, selection = BagReader(given.bags[0]), _selection(given)
     columns = given.columns and given.columns.split(",")
-    lines = csv_lines(reader, selection, columns) if columns else json_lines(reader, selection)
-    for line in lines:
+    for line in csv_lines(reader, selection, columns) if columns else json_lines(reader, selection):
         print(line)
-    return COMPLETE
+    yield from ()
 
 
-def show_difference(first: Path, second: Path, screen: Screen) -> int:
-    """`diff`: show how two bags differ."""
+def _difference(given: Any) -> Iterator[Page]:
     from serd_bag.verbs.difference import difference
 
+    first, second = given.bags
     topics = [topic for topic in difference(first, second) if not topic.is_same]
     rows = [
         (
@@ -149,25 +169,36 @@ def show_difference(first: Path, second: Path, screen: Screen) -> int:
     verdict = f"{counted(len(topics), 'topic')} differ" if topics else "no difference"
     values = {"first": first, "second": second, "topics": [asdict(topic) for topic in topics]}
     code = INCOMPLETE if topics else COMPLETE
-    page = Page(f"{first} and {second}: {verdict}", columns, rows, values, code, texts=(0, 5))
-    return _shown([page], screen)
+    yield Page(f"{first} and {second}: {verdict}", columns, rows, values, code, texts=(0, 5))
 
 
-def reindex_bags(bags: Sequence[Path], screen: Screen) -> int:
-    """`reindex`: write summaries and metadata.yaml anew."""
+def _reindexed(given: Any) -> Iterator[Page]:
     from serd_bag.verbs.reindex import reindex
 
-    def page(bag: Path) -> Page:
+    for bag in given.bags:
         n_messages = reindex(bag)
         heading = f"{bag}: {counted(n_messages, 'message')}"
-        return Page(heading, (), [], {"path": bag, "n_messages": n_messages}, COMPLETE)
-
-    return _shown(map(page, bags), screen)
+        yield Page(heading, (), [], {"path": bag, "n_messages": n_messages}, COMPLETE)
 
 
-def _require_one(bags: Sequence[Path], output: Path | None) -> None:
-    if output is not None and len(bags) > 1:
-        raise BagError(f"--output must be left out for several bags, got {output}; run each")
+_PAGES: dict[str, Callable[[Any], Iterator[Page]]] = {
+    "rescue": _rescued,
+    "info": _contents,
+    "check": _checks,
+    "convert": _converted,
+    "cut": _cut,
+    "merge": _merged,
+    "cat": _texts,
+    "diff": _difference,
+    "reindex": _reindexed,
+}
+
+
+def _outputs(given: Any, ending: str) -> list[tuple[Path, Path]]:
+    """Each bag with the folder of the new one."""
+    if given.output is not None and len(given.bags) > 1:
+        raise BagError(f"--output must be left out for several bags, got {given.output}; run each")
+    return [(bag, given.output or beside(bag, ending)) for bag in given.bags]
 
 
 def beside(bag: Path, ending: str) -> Path:
@@ -179,17 +210,38 @@ def beside(bag: Path, ending: str) -> Path:
     return whole.with_name(f"{name}_{ending}")
 
 
-def _shown(pages: Iterable[Page], screen: Screen) -> int:
+def _shown(pages: Iterable[Page], given: Any, file: TextIO) -> int:
     """Show each page before the next bag is read, which may fail; returns the exit code."""
     values, codes = [], [COMPLETE]
+    is_json = getattr(given, "json", False)
     for page in pages:
         values.append(page.values)
         codes.append(page.code)
-        if not screen.as_json:
-            screen.show(page)
-    if screen.as_json:
-        screen.values(values)
+        if not is_json:
+            _show(page, file)
+    if is_json:
+        text = json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False, default=str)
+        print(text, file=file)
     return max(codes)
+
+
+def _show(page: Page, file: TextIO) -> None:
+    """Print the table with a line below its head, then the lines; remarks on stderr."""
+    heads = list(zip_longest(*(column.split("\n") for column in page.columns), fillvalue=""))
+    rows = [tuple(map(printable, row)) for row in page.rows]
+    widths = [max(map(len, column)) for column in zip(*heads, *rows, strict=True)]
+    ruler = tuple("-" * width for width in widths)
+    print(page.heading, file=file)
+    for line in (*heads, ruler, *rows):
+        cells = (
+            text.ljust(width) if column in page.texts else text.rjust(width)
+            for column, (text, width) in enumerate(zip(line, widths, strict=True))
+        )
+        print("  ".join(cells).rstrip(), file=file)
+    for sentence in page.lines:
+        print(printable(sentence), file=file)
+    for remark in page.remarks:
+        print(remark, file=sys.stderr)
 
 
 def _contents_page(found: "BagContents") -> Page:
@@ -228,12 +280,12 @@ def _check_page(found: "BagCheck") -> Page:
         )
         for topic in found.topics
     ]
-    lines: list[Line] = [("bad", f"fault: {fault}") for fault in found.faults]
-    lines += [("notable", f"note: {remark}") for remark in found.remarks]
+    lines = [f"fault: {fault}" for fault in found.faults]
+    lines += [f"note: {remark}" for remark in found.remarks]
     if found.sound:
-        lines.append(("good", f"sound: {found.path}"))
+        lines.append(f"sound: {found.path}")
     else:
-        lines.append(("bad", f"not sound: {found.path} ({counted(len(found.faults), 'fault')})"))
+        lines.append(f"not sound: {found.path} ({counted(len(found.faults), 'fault')})")
     values = _values(found, "sound", "n_messages")
     code = COMPLETE if found.sound else INCOMPLETE
     return Page(_heading(found), columns, rows, values, code, lines=lines)
@@ -247,7 +299,7 @@ def _rewrite_page(report: "RewriteReport") -> Page:
         [(name, str(n)) for name, n in sorted(report.counts.items())],
         _values(report, "n_messages"),
         COMPLETE,
-        lines=[("notable", f"damage: {damage}") for damage in report.damage],
+        lines=[f"damage: {damage}" for damage in report.damage],
     )
 
 
@@ -263,14 +315,14 @@ def _rescue_page(found: "Certificate") -> Page:
         )
         for topic in found.topics
     ]
-    lines: list[Line] = [("notable", f"damage: {damage}") for damage in found.damage]
+    lines = [f"damage: {damage}" for damage in found.damage]
     for file in found.files:
         n_bytes = {state: file.n_bytes(state) for state in ("partly read", "lost", "not ours")}
         parts = [f"{count} bytes {state}" for state, count in n_bytes.items() if count]
         if parts:
-            lines.append(("notable", f"{file.path}: {', '.join(parts)}"))
+            lines.append(f"{file.path}: {', '.join(parts)}")
     lost = f"messages lost: {lost_in_words(found)}"
-    lines.append(("good" if found.is_complete else "bad", lost))
+    lines.append(lost)
     code = COMPLETE if found.is_complete else INCOMPLETE
     return Page(
         f"{found.source} -> {found.target}: {counted(found.n_messages, 'message')} saved",

@@ -35,7 +35,7 @@ _MOST_COMPARED = 1_000_000
 _LONGEST_BEGINNING = 20_000
 _HEADERS = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 _NO_CHECKSUMS = (
-    "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd bag convert'"
+    "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd-bag convert'"
     " adds checksums"
 )
 

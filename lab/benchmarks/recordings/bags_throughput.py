@@ -1,10 +1,9 @@
-"""Bags: messages per second written, read and turned into decisions, against the rosbags library.
+"""Bags: processor time of reading and copying, against rosbags and mcap; writing and checking.
 
 The long drive has poses, intents and people at the rates of the hallway; memory is the peak of a
 process of its own that reads a bag of two gigabytes, above that of one that reads a small bag.
 """
 
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -13,28 +12,33 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from mcap.reader import make_reader
+from mcap.reader import McapReader, make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapFileWriter
+from rosbags import rosbag2
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
 
+from lab.benchmarks.recordings.broken_bags import FORMATS, recorded
 from lab.benchmarks.report import Row, best_of, peak_memory_mb, save
-from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.drives.drive import END, START, EpisodeMark
+from serd_bag.command.rewrite import convert
 from serd_bag.health.check import check_bag
+from serd_bag.health.contents import contents_of_bag
 from serd_bag.reader import BagReader
+from serd_bag.verbs.cut import cut
 from serd_bag.writer import BagWriter
-from serd_core.grid.grid import Action, Grid
+from serd_core.grid.grid import Action
 
 _N_POSES = 200_000
-_PATIENCE_S, _WAIT_S = 4.0, 1.0
 _POSE_PERIOD_S = 0.05
-_GRID = Grid((0.0, 0.0), 1.0, np.ones((6, 24), dtype=bool))
 _POSE = "geometry_msgs/msg/PoseStamped"
 _VECTOR = "geometry_msgs/msg/Vector3Stamped"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _BYTES = "std_msgs/msg/UInt8MultiArray"
 _BLOCK = 1_000_000
 #: bytes of a message, number of messages
-_SIZES = ((50, 100_000), (1_000, 50_000), (20_000, 5_000), (1_000_000, 100), (8_000_000, 12))
+_SIZES = ((100, 50_000), (1_000_000, 100))
 
 
 def run() -> None:
@@ -43,16 +47,10 @@ def run() -> None:
         drive = Path(folder) / "drive"
         n_messages, write_s = _write_drive(drive)
         rows: list[Row] = [_row("write", "BagWriter", n_messages, write_s)]
-        for work, way, call in (
-            ("read bytes", "BagReader", lambda: _count(BagReader(drive).messages())),
-            ("read bytes", "rosbags", lambda: _read_with_rosbags(drive, decode=False)),
-            ("read and decode", "rosbags", lambda: _read_with_rosbags(drive, decode=True)),
-            ("read and discretise", "demonstrations_of_bag", lambda: _discretise(drive)),
-            ("check", "check_bag", lambda: check_bag(drive)),
-        ):
-            rows.append(_row(work, way, n_messages, _seconds(call)))
-        rows += [row for size, number in _SIZES for row in _size_rows(Path(folder), size, number)]
+        rows.append(_row("check", "check_bag", n_messages, _seconds(lambda: check_bag(drive))))
         rows += [_memory_row(Path(folder), n_blocks) for n_blocks in (20, 2000)]
+        speed = [row for each in _SIZES for row in _speed_rows(Path(folder), *each)]
+    save("bags_speed", "Processor time of reading and copying, against rosbags and mcap", speed)
     save("bags_throughput", "Messages per second, and memory while reading", rows)
 
 
@@ -71,16 +69,9 @@ def _count(messages: object) -> int:
     return sum(1 for _ in messages)  # type: ignore[attr-defined]
 
 
-def _discretise(drive: Path) -> None:
-    found, report = demonstrations_of_bag(drive, _GRID, _PATIENCE_S, _WAIT_S)
-    assert len(found) == report.n_decisions > 0
-
-
-def _read_with_rosbags(drive: Path, *, decode: bool) -> None:
-    with AnyReader([drive]) as reader:
-        for connection, _, data in reader.messages():
-            if decode:
-                reader.deserialize(data, connection.msgtype)
+def _read_with_rosbags(bag: Path) -> None:
+    with AnyReader([bag]) as reader:
+        _count(reader.messages())
 
 
 def _write_drive(folder: Path) -> tuple[int, float]:
@@ -119,27 +110,84 @@ def _drive_messages() -> list[tuple[str, bytes, int]]:
     return [(topic, serialize_message(each), round(time_s * 1e9)) for topic, each, time_s in sent]
 
 
-def _size_rows(folder: Path, size: int, number: int) -> list[Row]:
-    """Reading messages of one size, by processor time: ours, rosbags, and mcap with checksums."""
-    bag = folder / f"size_{size}"
-    data = np.random.default_rng(0).bytes(size)
-    with BagWriter(bag) as writer:
-        writer.add_topic("/bytes", _BYTES)
-        for tick in range(number):
-            writer.write("/bytes", data, tick)
-    ways = {
-        "BagReader": lambda: _count(BagReader(bag).messages()),
-        "rosbags": lambda: _read_with_rosbags(bag, decode=False),
-        "mcap": lambda: _read_with_mcap(bag / f"{bag.name}_0.mcap"),
-    }
-    rows = [_row(f"read {size} B", way, number, best_of(call)[0]) for way, call in ways.items()]
-    shutil.rmtree(bag)
+def _speed_rows(folder: Path, size: int, number: int) -> list[Row]:
+    """Processor time with messages of one size in each format, and its ratio to the faster library.
+
+    Messages are read as the file has them. `convert` and `cut` are compared with reading by a
+    library and writing MCAP without compression by it, `info` with opening the file.
+    """
+    rows: list[Row] = []
+    for form in ("MCAP", "MCAP zstd", "MCAP lz4", "sqlite3", "ROS 1"):
+        place = folder / f"{size} {form}"
+        place.mkdir()
+        for work, calls in _works(FORMATS[form](place, recorded(number, size))).items():
+            ours, rosbags, *mcap = [best_of(call)[0] for call in calls]
+            row = {"format": form, "bytes": size, "messages": number, "work": work}
+            row |= {"serd-bag (s)": ours, "rosbags (s)": rosbags, "mcap (s)": (mcap or [""])[0]}
+            rows.append({**row, "ratio": ours / min([rosbags, *mcap])})
     return rows
 
 
-def _read_with_mcap(file: Path) -> None:
+def _works(file: Path) -> dict[str, tuple[Callable[[], object], ...]]:
+    """Each work by serd-bag, by rosbags and, of MCAP files, by mcap."""
+    is_ros1 = file.suffix == ".bag"
+    bag = file if is_ros1 else file.parent
+    read = BagReader.records if is_ros1 else BagReader.messages
+    found: dict[str, tuple[Callable[[], object], ...]] = {
+        "read": (lambda: _count(read(BagReader(bag))), lambda: _read_with_rosbags(bag)),
+        "convert": (lambda: _new(convert, bag), lambda: _new(_copy_with_rosbags, bag)),
+        "cut": (lambda: _new(cut, [bag]), lambda: _new(_copy_with_rosbags, bag)),
+        "info": (lambda: contents_of_bag(bag), lambda: AnyReader([bag]).open()),
+    }
+    if file.suffix == ".mcap":
+        found["read"] += (
+            lambda: _with_mcap(
+                file, lambda each: _count(each.iter_messages(None, None, None, False))
+            ),
+        )
+        found["convert"] += (lambda: _new(_copy_with_mcap, file),)
+        found["cut"] += found["convert"][2:]
+        found["info"] += (lambda: _with_mcap(file, lambda each: each.get_summary()),)
+    return found
+
+
+def _new(write: Callable[..., object], source: object) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        write(source, Path(folder) / "copy")
+
+
+def _copy_with_rosbags(bag: Path, target: Path) -> None:
+    kind, store = rosbag2.StoragePlugin.MCAP, get_typestore(Stores.ROS2_JAZZY)
+    with AnyReader([bag]) as reader, rosbag2.Writer(target, version=9, storage_plugin=kind) as made:
+        topics = {
+            each.id: made.add_connection(each.topic, each.msgtype, typestore=store)
+            for each in reader.connections
+        }
+        for each, time_ns, data in reader.messages():
+            cdr = store.ros1_to_cdr(data, each.msgtype) if bag.suffix == ".bag" else data
+            made.write(topics[each.id], time_ns, cdr)
+
+
+def _with_mcap(file: Path, use: Callable[[McapReader], object]) -> None:
     with file.open("rb") as stream:
-        _count(make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False))
+        use(make_reader(stream, validate_crcs=True))
+
+
+def _count_in_file_order(reader: McapReader) -> None:
+    _count(reader.iter_messages(log_time_order=False))
+
+
+def _copy_with_mcap(file: Path, target: Path) -> None:
+    writer, channels = McapFileWriter(str(target), compression=CompressionType.NONE), {}
+    writer.start("ros2")
+    with file.open("rb") as stream:
+        for schema, each, message in make_reader(stream).iter_messages(log_time_order=False):
+            if each.topic not in channels and schema is not None:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[each.topic] = writer.register_channel(each.topic, "cdr", number)
+            channel = channels[each.topic]
+            writer.add_message(channel, message.log_time, message.data, message.publish_time)
+    writer.finish()
 
 
 def _memory_row(folder: Path, n_blocks: int) -> Row:

@@ -52,6 +52,7 @@ _ROS1 = ".bag"
 #: topic, log time, payload
 Message = tuple[str, int, bytes]
 Damage = Callable[[bytes, np.random.Generator], bytes]
+Writing = Callable[[Path, list[Message]], Path]
 
 
 def _at(content: bytes, share: float) -> int:
@@ -192,11 +193,11 @@ KINDS: dict[str, Damage] = {
 
 
 @cache
-def recorded() -> list[Message]:
-    """Messages that no two are alike, in ROS 2's CDR."""
+def recorded(n_messages: int = _N_MESSAGES, size: int | None = None) -> list[Message]:
+    """Messages that no two are alike, in ROS 2's CDR; size: of all, else 40 to 900 letters."""
     rng, found = np.random.default_rng(3), []
-    for number in range(_N_MESSAGES):
-        letters = rng.integers(97, 123, int(rng.integers(40, 900)), dtype=np.uint8)
+    for number in range(n_messages):
+        letters = rng.integers(97, 123, size or int(rng.integers(40, 900)), dtype=np.uint8)
         text = b"%06d %s\0" % (number, letters.tobytes())
         data = b"\0\1\0\0" + struct.pack("<I", len(text)) + text
         data += bytes(-len(data) % 4)
@@ -204,8 +205,8 @@ def recorded() -> list[Message]:
     return found
 
 
-def _mcap(compression: CompressionType, *, chunked: bool = True) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
+def _mcap(compression: CompressionType, *, chunked: bool = True) -> Writing:
+    def write(folder: Path, messages: list[Message]) -> Path:
         stream = BytesIO()
         writer = McapFileWriter(
             stream, compression=compression, chunk_size=_CHUNK, use_chunking=chunked
@@ -214,13 +215,14 @@ def _mcap(compression: CompressionType, *, chunked: bool = True) -> Callable[[Pa
         definition = message_type(_TYPE).text.encode()
         schema = writer.register_schema(_TYPE, "ros2msg", definition)
         channels = {name: writer.register_channel(name, "cdr", schema) for name in _TOPICS}
-        for topic, time_ns, data in recorded():
+        for topic, time_ns, data in messages:
             writer.add_message(channels[topic], time_ns, data, time_ns)
         writer.finish()
         (folder / "bag").mkdir()
         (folder / "bag" / "bag.mcap").write_bytes(stream.getvalue())
-        counted = [(Topic(name, message_type(_TYPE)).channel, _N_MESSAGES // 4) for name in _TOPICS]
-        span = FileSpan("bag.mcap", _N_MESSAGES, _START_NS, recorded()[-1][1])
+        n = len(messages)
+        counted = [(Topic(name, message_type(_TYPE)).channel, n // 4) for name in _TOPICS]
+        span = FileSpan("bag.mcap", n, _START_NS, messages[-1][1])
         text = metadata_text({ROOT_KEY: bag_metadata([span], counted)})
         (folder / "bag" / FILE_NAME).write_text(text)
         return folder / "bag" / "bag.mcap"
@@ -228,24 +230,24 @@ def _mcap(compression: CompressionType, *, chunked: bool = True) -> Callable[[Pa
     return write
 
 
-def _db3(folder: Path) -> Path:
+def _db3(folder: Path, messages: list[Message]) -> Path:
     storage = rosbag2.StoragePlugin.SQLITE3
     with rosbag2.Writer(folder / "bag", version=9, storage_plugin=storage) as writer:
         topics = {name: writer.add_connection(name, _TYPE, typestore=_types()) for name in _TOPICS}
-        for topic, time_ns, data in recorded():
+        for topic, time_ns, data in messages:
             writer.write(topics[topic], time_ns, data)
     return folder / "bag" / "bag.db3"
 
 
-def _bag(compression: Ros1Writer.CompressionFormat | None) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
+def _bag(compression: Ros1Writer.CompressionFormat | None) -> Writing:
+    def write(folder: Path, messages: list[Message]) -> Path:
         store, file = get_typestore(Stores.ROS1_NOETIC), rosbag1.Writer(folder / "bag.bag")
         if compression is not None:
             file.set_compression(compression)
         file.chunk_threshold = _CHUNK
         with file as writer:
             topics = {name: writer.add_connection(name, _TYPE, typestore=store) for name in _TOPICS}
-            for topic, time_ns, data in recorded():
+            for topic, time_ns, data in messages:
                 writer.write(topics[topic], time_ns, _of_ros1(data))
         return folder / "bag.bag"
 
@@ -356,7 +358,7 @@ def rows_of(kind: str) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for name in FORMATS:
         with tempfile.TemporaryDirectory() as folder:
-            source = FORMATS[name](Path(folder))
+            source = FORMATS[name](Path(folder), recorded())
             truth = set(recorded())
             if source.suffix == _ROS1:
                 truth = {(topic, time_ns, _of_ros1(data)) for topic, time_ns, data in truth}

@@ -85,6 +85,22 @@ def test_a_recording_without_its_head_is_found(recordings, tmp_path, kind, name)
     assert set(counts_in(tmp_path / "saved")) == {f"/{kind.removeprefix('.')}"}
 
 
+@pytest.mark.parametrize("size", [300, 5000, 30000])
+@pytest.mark.parametrize("n_before", [4096, 3 * 512, 700])
+def test_long_rows_of_a_database_without_its_head_are_found_in_an_image(tmp_path, size, n_before):
+    rng, plugin = np.random.default_rng(3), rosbag2.StoragePlugin.SQLITE3
+    rows = [rng.bytes(size) for _ in range(40)]
+    with rosbag2.Writer(tmp_path / "db3", version=9, storage_plugin=plugin) as writer:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        topic = writer.add_connection("/long", TEXT, typestore=store)
+        for number, data in enumerate(rows):
+            writer.write(topic, number, data)
+    content = (tmp_path / "db3" / "db3.db3").read_bytes()[4096:]
+    (tmp_path / "disk.img").write_bytes(rng.bytes(n_before) + content + rng.bytes(9000))
+    rescue(tmp_path / "disk.img", tmp_path / "saved")
+    assert [record.data for record in BagReader(tmp_path / "saved").records()] == rows
+
+
 def test_all_files_of_a_folder_are_searched_and_one_without_a_recording_is_refused(
     recordings, tmp_path
 ):

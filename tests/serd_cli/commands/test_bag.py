@@ -1,6 +1,11 @@
 """`serd bag`: contents and faults of recordings, and new ones made of them."""
 
+import subprocess
+import sys
+
 from serd_app.drives.mapping import BagMapping
+from serd_bag.command.main import main
+from serd_bag.command.options import COMMANDS, flag_of
 from serd_bag.reader import BagReader
 from serd_cli.processes import stack_run
 from serd_files.yaml_config import load_yaml_model
@@ -54,6 +59,32 @@ def test_bags_are_rescued_with_what_is_lost_and_sound_ones_converted(serd, drive
     assert "messages lost: 1" in ended.out
     assert set(contents(bag.with_name("drive_rescued"))) < set(before)
     assert file.read_bytes() == content
+
+
+def test_it_has_the_commands_options_and_results_of_serd_bag(serd, drive_bag, capsys):
+    bag = drive_bag()
+    for name, (options, about, _) in COMMANDS.items():
+        shown = " ".join(serd("bag", name, "--help").out.replace("│", " ").split())
+        assert about[1:] in shown
+        assert all(f" {flag_of(option)} " in shown for option in options.split())
+    for words in (["cat", bag, "--columns", "vector.x", "--topic", "/intent"], ["diff", bag, bag]):
+        ended = serd("bag", *words)
+        assert main([str(word) for word in words]) == ended.code == 0
+        assert capsys.readouterr().out.splitlines()[0] == ended.out.splitlines()[0]
+    assert "diff must have 2 BAGs, got 1" in serd("bag", "diff", bag).err
+
+
+def test_a_part_of_the_standard_input_is_written_to_the_standard_output(drive_bag, tmp_path):
+    file = next(drive_bag().glob("*.mcap"))
+    program = "import sys; from serd_cli.main import main; sys.exit(main())"
+    words = ["bag", "cut", "-", "--output", "-", "--to", "5", "--topic", "/robot_pose"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words], input=file.read_bytes(), capture_output=True
+    )
+    assert done.returncode == 0
+    assert "standard_input.mcap -> " in done.stderr.decode()
+    (tmp_path / "part.mcap").write_bytes(done.stdout)
+    assert [message[0] for message in contents(tmp_path / "part.mcap")] == ["/robot_pose"] * 50
 
 
 def test_a_suggested_mapping_is_printed_written_and_given_as_json(serd, key_driven_bag, tmp_path):

@@ -4,8 +4,13 @@ Each page of a table's rows (a leaf, kind 13) lists where its rows are; a row to
 continues in a chain of overflow pages. https://sqlite.org/fileformat2.html, sections 1.6, 2.
 """
 
+import re
 import struct
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import chain as chain_of
+from itertools import islice
 from mmap import mmap
 
 from serd_bag.damage import State
@@ -18,6 +23,11 @@ _TABLE_LEAF = 13
 #: Inner pages, and those of indexes.
 _OTHER_KINDS = (2, 5, 10)
 _USUAL_PAGE_SIZE = 4096
+_MAGIC = b"SQLite format 3\0"
+#: A page of rows: kind, no or one free block, 1 to 511 rows, place of the first, few free bytes.
+_LEAF = re.compile(rb"\r[\0-\x0f].(?:\0[\x01-\xff]|\x01.)[\0-\x0f].[\0-\x3c]", re.DOTALL)
+#: Rows by which pages are numbered, and how far before or behind a row its overflow may begin.
+_MOST_TRIED, _MOST_PAGES, _NEAR = 50, 20_000, 12
 _INTEGER_SIZES = {1: 1, 2: 2, 3: 3, 4: 4, 5: 6, 6: 8}
 
 
@@ -28,16 +38,22 @@ class SqlitePages:
         self._content = content
         self._page_size = _page_size(content)
         self._usable = self._page_size - int.from_bytes(content[20:21], "big")
+        #: where page 1 begins, or would; whether the other pages have numbers
+        self._begin, self._is_numbered = 0, True
+        if content[: len(_MAGIC)] != _MAGIC:
+            self._usable = self._page_size
+            self._find_beginning()
+        self._last = (len(content) - self._begin) // self._page_size + 1
         self._free = self._free_pages()
         self.n_cut = 0
         #: of each page: 0 not used, 1 used, 2 with rows that are cut off
-        self._states = bytearray(len(content) // self._page_size + 2)
+        self._states = bytearray(self._last + 1)
         self._n_rows = most_records(len(content))
         self._n_bytes = 4 * len(content) + LARGEST_CONTENT
 
     def rows(self) -> Iterator[tuple[int, tuple[Value, ...]]]:
         """(row number, values) of every readable row of any table, in the order of the file."""
-        for number in range(1, len(self._content) // self._page_size + 2):
+        for number in range(1, self._last + 1):
             if self._n_rows <= 0:
                 return
             if number not in self._free:
@@ -64,9 +80,11 @@ class SqlitePages:
 
     def lost(self) -> Iterator[tuple[int, int, State, str]]:
         """Yield begin, end, state and reason of all pages that were not read, or not wholly."""
+        if self._begin > 0:
+            yield 0, self._begin, "lost", "no page of a database begins here"
         for number in range(1, len(self._states)):
             state = self._states[number]
-            start = (number - 1) * self._page_size
+            start = max(0, self._place(number))
             if state & 2:
                 yield start, start + self._page_size, "partly read", "rows of a page are cut off"
             elif not state and number not in self._free:
@@ -83,6 +101,8 @@ class SqlitePages:
         if size > min(len(self._content), LARGEST_CONTENT) or self._n_bytes < 0:
             raise ValueError("longer than the file")
         here = self._size_on_page(size)
+        if here < size and not self._is_numbered:
+            raise ValueError("its further pages cannot be told")
         parts, rest = [page[at : at + here]], size - here
         following = struct.unpack_from(">I", page, at + here)[0] if rest else 0
         while rest > 0:
@@ -104,8 +124,65 @@ class SqlitePages:
         return wanted if wanted <= self._usable - 35 else least
 
     def _page(self, number: int) -> bytes:
-        start = (number - 1) * self._page_size
-        return self._content[start : start + self._page_size]
+        start = self._place(number)
+        return self._content[start : start + self._page_size] if start >= 0 else b""
+
+    def _place(self, number: int) -> int:
+        return self._begin + (number - 1) * self._page_size
+
+    def _find_beginning(self) -> None:
+        """Find where page 1 would begin in bytes without the head of their database.
+
+        Pages begin where most of them do that hold rows. Their numbers are those by which most rows
+        find their overflow pages; where others would do as well, rows that have some are not read.
+        """
+        size = self._page_size
+        leaves = [found.start() for found in _LEAF.finditer(self._content)]
+        if not leaves:
+            return
+        ((phase, _),) = Counter(place % size for place in leaves).most_common(1)
+        found = (self._chains(place) for place in leaves if place % size == phase)
+        chains: list[tuple[int, int, int]] = []
+        for chain in islice(chain_of.from_iterable(found), _MOST_TRIED):
+            if len(chains) < 2 or sum(n_pages for *_, n_pages in chains) < _MOST_PAGES:
+                chains.append(chain)
+        near = Counter(
+            place - size * (number - 1 + step)
+            for place, number, _ in chains
+            for step in range(-_NEAR, _NEAR + 1)
+        )
+        tried = [phase, *(begin for begin, _ in near.most_common(_MOST_TRIED))]
+        ends = {begin: sum(self._ends(begin, *chain[1:]) for chain in chains) for begin in tried}
+        most = max(ends.values())
+        best = [begin for begin in ends if ends[begin] == most]
+        self._begin = 0 if 0 in best else best[0]
+        self._is_numbered = len(best) == 1 or self._begin == 0
+
+    def _chains(self, place: int) -> Iterator[tuple[int, int, int]]:
+        """Place of a page, first overflow page and number of them of each long row on it."""
+        page = self._content[place : place + self._page_size]
+        (n_cells,) = struct.unpack_from(">H", page, 3)
+        with suppress(IndexError, struct.error):
+            for index in range(n_cells):
+                (start,) = struct.unpack_from(">H", page, 8 + 2 * index)
+                size, at = _varint(page, start)
+                at = _varint(page, at)[1] + self._size_on_page(size)
+                rest = size - self._size_on_page(size)
+                if rest:
+                    yield (
+                        place,
+                        struct.unpack_from(">I", page, at)[0],
+                        -(-rest // (self._usable - 4)),
+                    )
+
+    def _ends(self, begin: int, number: int, n_pages: int) -> bool:
+        """Whether a chain of so many overflow pages ends where it should."""
+        for _ in range(n_pages):
+            start = begin + (number - 1) * self._page_size
+            if number < 1 or not 0 <= start <= len(self._content) - 4:
+                return False
+            (number,) = struct.unpack_from(">I", self._content, start)
+        return number == 0
 
     def _free_pages(self) -> set[int]:
         """Pages the file lists as unused, which may hold rows that were deleted.
@@ -135,8 +212,7 @@ def database_size(head: bytes, otherwise: int) -> int:
 
 def has_rows(content: bytes | mmap, start: int, end: int) -> bool:
     """Whether a page with rows of messages stands between two places."""
-    pages = (content[at : at + 1] == b"\r" for at in range(start, end, _USUAL_PAGE_SIZE))
-    if not any(pages):
+    if not _LEAF.search(content, start, end):
         return False
     rows = SqlitePages(content[start:end]).rows()
     return any(len(row) == 4 and isinstance(row[3], bytes) for _, row in rows)

@@ -15,12 +15,13 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_MESSAGE
 from serd_bag.formats.sqlite.pages import SqlitePages
-from serd_bag.topic import QOS, ROS2MSG, TYPE_HASH, Channel, Record
+from serd_bag.topic import QOS, ROS2MSG, TYPE_HASH, Channel, RawMessage, Record
 
 #: What SQLite keeps beside a file that was not closed.
 _UNFINISHED = ("-wal", "-journal")
@@ -28,6 +29,7 @@ _UNFINISHED = ("-wal", "-journal")
 #: topic number, log time, data
 _Row = tuple[int, int, bytes]
 _MAKE = tuple.__new__
+_Message = TypeVar("_Message", Record, RawMessage)
 _UNSIGNED = (1 << 64) - 1
 _BLOCK = 1 << 20
 
@@ -60,6 +62,13 @@ class SqliteScan(FileScan):
 
         A time below 0 has the number of the same 64 bits, as in MCAP files of rosbag2.
         """
+        return self._made(Record, topics)
+
+    def messages(self, topics: frozenset[str] | None) -> Iterator[RawMessage]:
+        """The same as messages, which takes two thirds of the time of making them of records."""
+        return self._made(RawMessage, topics)
+
+    def _made(self, kind: type[_Message], topics: frozenset[str] | None) -> Iterator[_Message]:
         n_unknown = 0
         with self._database() as (path, database):
             fault = _fault(database, whole=self._thorough)
@@ -73,22 +82,24 @@ class SqliteScan(FileScan):
             if condition and not fault:
                 self.counts.update(_counts(database, known, f" WHERE NOT{condition}"))
             n_read = dict.fromkeys(known, 0)
-            condition = condition and f" WHERE{condition}"
-            rows = self._salvaged(path) if fault else self._rows(database, condition)
-            for number, time_ns, data in rows:
-                if (
-                    number not in n_read
-                    or data.__class__ is not bytes
-                    or time_ns.__class__ is not int
-                ):
-                    n_unknown += 1
-                    continue
-                n_read[number] += 1
-                if wanted is None or number in wanted:
-                    if time_ns < 0:
-                        time_ns &= _UNSIGNED
-                    # NamedTuple's own constructor takes twice as long.
-                    yield _MAKE(Record, (known[number], 0, data, time_ns, time_ns))
+            heads: dict[int, tuple[object, object]] = {
+                number: (each, 0) if kind is Record else (each.topic, each.type_name)
+                for number, each in known.items()
+            }
+            rows = (
+                self._salvaged(path, wanted, n_read) if fault else self._rows(database, condition)
+            )
+            with _reading(self.path):
+                for number, time_ns, data in rows:
+                    if data.__class__ is bytes and time_ns.__class__ is int and number in n_read:
+                        n_read[number] += 1
+                        if time_ns < 0:
+                            time_ns &= _UNSIGNED
+                        # NamedTuple's own constructor takes twice as long.
+                        first, second = heads[number]
+                        yield _MAKE(kind, (first, second, data, time_ns, time_ns))
+                    else:
+                        n_unknown += 1
             for number, count in n_read.items():
                 self.counts[known[number].topic] += count
             if not fault:
@@ -107,17 +118,14 @@ class SqliteScan(FileScan):
         data = "data"
         if self.path.stat().st_size > LARGEST_MESSAGE:
             data = f"CASE WHEN length(data) <= {LARGEST_MESSAGE} THEN data END"
-        query = f"SELECT topic_id, timestamp, {data} FROM messages{condition}"
-        try:
-            yield from database.execute(query)
-        except sqlite3.Error as error:
-            raise DamagedBagError(
-                f"{self.path} cannot be read any further ({error}); repair it with"
-                " 'serd-bag rescue'"
-            ) from None
+        where = condition and f" WHERE{condition}"
+        with _reading(self.path):
+            return database.execute(f"SELECT topic_id, timestamp, {data} FROM messages{where}")
 
-    def _salvaged(self, path: Path) -> Iterator[_Row]:
-        """Rows of messages, each once, of a damaged file."""
+    def _salvaged(
+        self, path: Path, wanted: list[int] | None, n_read: dict[int, int]
+    ) -> Iterator[_Row]:
+        """Rows of messages, each once, of a damaged file; those not wanted are counted."""
         pages = _pages(path)
         seen: set[int] = set()
         for number, row in pages.rows():
@@ -125,7 +133,10 @@ class SqliteScan(FileScan):
                 case (None, int(topic), int(time_ns), bytes(data)):
                     if number not in seen:
                         seen.add(number)
-                        yield topic, time_ns, data
+                        if wanted is None or topic in wanted or topic not in n_read:
+                            yield topic, time_ns, data
+                        else:
+                            n_read[topic] += 1
         if pages.n_cut:
             self._note(f"{pages.n_cut} rows are cut off or damaged")
         for span in pages.lost():
@@ -252,6 +263,17 @@ def _pages(path: Path) -> SqlitePages:
         size = path.stat().st_size
         content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) if size else b""
         return SqlitePages(content)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """An error of SQLite within becomes a DamagedBagError."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise DamagedBagError(
+            f"{path} cannot be read any further ({error}); repair it with 'serd-bag rescue'"
+        ) from None
 
 
 @contextmanager

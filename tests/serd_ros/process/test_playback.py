@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from serd_bag.errors import BagError
-from serd_bag.playback import Excerpt, Playback
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, selected_topics
+from serd_ros.process.playback import Excerpt, Playback
 
 
 def recorded(*times_s):
