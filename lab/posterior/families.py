@@ -13,7 +13,7 @@ from serd_core.mdp.mdp import Mdp
 from serd_core.mdp.problem import Problem, TabularProblem
 from serd_core.posterior.coordinates import feature_ranges
 from serd_core.posterior.parameters import Block
-from serd_core.priors.divergence import DirichletPrior
+from serd_core.priors.divergence import DirichletPrior, require_outcome_models
 from serd_core.priors.prior import GaussianPrior, Prior
 from serd_core.semi_markov.dwell_likelihood import DwellPrior
 from serd_core.semi_markov.models import SemiMarkovModels, semi_markov_problem
@@ -35,12 +35,13 @@ class Family:
 
     def prior(self) -> Prior:
         """The prior that its weights and dynamics are drawn from."""
+        model = self.problem.mdp.transitions
         deviations = np.asarray(self.deviations / feature_ranges(self.problem))
-        counts = np.ones(self.problem.mdp.transitions.n_outcomes) * self.pseudo_counts
-        prior = GaussianPrior(tuple(deviations.tolist()), Block.REWARD)
-        prior = prior + CountedPrior(1.0, of_outcomes=tuple(counts.tolist()))
-        has_durations = isinstance(self.problem.mdp.transitions, SemiMarkovModels)
-        return prior + DwellPrior(1.0) if has_durations else prior
+        n_outcomes = require_outcome_models(model, "a family").n_outcomes
+        counts = np.ones(n_outcomes) * self.pseudo_counts
+        of_weights: Prior = GaussianPrior(tuple(deviations.tolist()), Block.REWARD)
+        prior = of_weights + CountedPrior(1.0, of_outcomes=tuple(counts.tolist()))
+        return prior + DwellPrior(1.0) if isinstance(model, SemiMarkovModels) else prior
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class CountedPrior(DirichletPrior):
 
     def counts(self, models: OutcomeModels) -> FloatArray:
         """(M, K) pseudo-counts."""
-        return super().counts(models) * np.array(self.of_outcomes)
+        return np.asarray(super().counts(models) * np.array(self.of_outcomes))
 
 
 def random_mdp() -> Family:
