@@ -17,6 +17,7 @@ from serd_sim.errors import SimError
 from serd_sim.robot.sensors import range_to_lines
 from serd_sim.safety.motion import Pose, compose
 from serd_sim.safety.scan import ScanGeometry
+from serd_sim.safety.settings import CREEP_MPS
 from serd_sim.scenario.scenario import Scenario, load_scenario
 
 PERSON_RADIUS_M = 0.25
@@ -58,10 +59,22 @@ class ReferenceRobot:
         steps = self.n_rays if closes else self.n_rays - 1
         return ScanGeometry(-0.5 * self.field_rad, self.field_rad / steps, *self.range_m)
 
+    @property
+    def _turning_s(self) -> float:
+        """How long a half turn takes where the guard lets the robot only creep round (s).
+
+        It does where a corner may swing into what the lidar does not look at. A decision that
+        ends before is followed by another one, perhaps back again, and the robot stays in its cell.
+        """
+        if not self.footprint or self.field_rad >= math.tau:
+            return 0.0
+        return math.pi / (CREEP_MPS / self.max_vel_x_mps * self.max_vel_theta_radps)
+
     def scenario(self) -> Scenario:
         """The hallway for this robot."""
         hallway = load_scenario("hallway")
-        patience_s = max(hallway.patience_s, math.ceil(_PATIENCE_CELLS / self.max_vel_x_mps))
+        needed_s = _PATIENCE_CELLS / self.max_vel_x_mps + self._turning_s
+        patience_s = max(hallway.patience_s, math.ceil(needed_s))
         hallway = hallway.model_copy(update={"patience_s": patience_s})
         ticks = math.ceil(1.0 / (self.scan_hz[0] * hallway.control_period_s) - 1e-9)
         rate_hz = 1.0 / (ticks * hallway.control_period_s)

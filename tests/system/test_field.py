@@ -3,11 +3,17 @@
 import importlib.util
 import math
 
+import numpy as np
 import pytest
 
 from lab.faults.field import STACKS, Field, parameters_of, standin_options
 from lab.faults.robots import ROBOTS
-from serd_sim.safety.scan import ScanGeometry
+from serd_sim.safety.guard import Guard
+from serd_sim.safety.reasons import Source
+from serd_sim.safety.scan import Scan, ScanGeometry
+from serd_sim.safety.settings import GuardSettings
+from serd_sim.safety.world_guard import Message, guarded
+from serd_sim.world.command import Command
 from support.node_processes import STANDIN
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -19,6 +25,41 @@ def test_the_lidars_are_those_of_the_robots_that_they_stand_for():
     assert ROBOTS["fast"].geometry.angles_rad(1081)[[0, -1]] == pytest.approx(
         [-0.75 * math.pi, 0.75 * math.pi], abs=1e-4
     )
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_decision_lasts_as_long_as_the_guard_lets_a_robot_turn_round_and_cross_a_cell(robot):
+    robot, rng = ROBOTS[robot], np.random.default_rng(0)
+    scenario, pose = robot.scenario(), (3.5, 4.5, 0.0)
+    settings = GuardSettings.of_scenario(scenario, "scan")
+    guard, turn = Guard(settings, scenario.wall_segments_m), Command(0.0, robot.max_vel_theta_radps)
+    for tick in range(60):
+        now_s = 0.05 * tick
+        ranges_m = robot.ranges_m(scenario.wall_segments_m, pose, np.zeros((0, 2)), rng)
+        scan = Scan(now_s, ranges_m.astype(np.float32), robot.geometry, robot.mount)
+        values = {Source.ODOMETRY: (pose, (0.0, 0.0)), Source.POSE: pose, Source.SCAN: scan}
+        messages = [Message(source, now_s, value) for source, value in values.items()]
+        allowed = guarded(guard, messages, turn, now_s).command
+    needed_s = math.pi / allowed.angular_radps + scenario.cell_size_m / robot.max_vel_x_mps
+    assert scenario.patience_s >= needed_s
+
+
+def test_a_goal_sent_during_a_drive_is_not_waited_for_until_that_drive_begins_anew():
+    class Silent(Field):
+        def __init__(self):
+            self._goals, self.n_begun, self.endings = Published(), 1, []
+
+        def until(self, condition, _):
+            return bool(condition())
+
+    class Published(list):
+        publish = list.append
+
+    driving = Silent()
+    assert driving.send_goal(3.5, 3.5)
+    driving.endings = ["arrived"]  # now no drive runs, and none begins
+    assert not driving.send_goal(3.5, 3.5)
+    assert len(driving._goals) == 4
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
