@@ -66,20 +66,22 @@ def to_arrival_forecast(
     time_s: float,
     *,
     elapsed_s: float,
-    goal_m: tuple[float, float],
+    area_m: Sequence[tuple[float, float]],
     deadline_s: float,
     shares: Sequence[float] = SHARES,
 ) -> bytes:
     """serd_msgs/ArrivalForecast of the law of the remaining time at a time.
 
-    Its steps are of at least a thousandth.
+    area_m: corners of the goal area. The steps of the law are of at least a thousandth.
     """
     kept = [0]
     for step in range(1, len(law.cdf)):
         if law.cdf[step] - law.cdf[kept[-1]] >= _SMALLEST_STEP:
             kept.append(step)
     steps_s = np.diff(law.times_s)
-    point = rosbags_types().types["geometry_msgs/msg/Point"](*map(float, goal_m), 0.0)
+    point = rosbags_types().types["geometry_msgs/msg/Point"](
+        *map(float, np.mean(area_m, axis=0)), 0.0
+    )
     return _made(
         "ArrivalForecast", time_s,
         goal=point,

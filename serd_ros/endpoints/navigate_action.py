@@ -1,9 +1,10 @@
 """The action server `navigate_to_pose` of a node that drives, as Nav2's clients know it.
 
 RViz's goal tool and nav2_simple_commander send goals to it. A goal that cannot be driven to is
-aborted with the error code of Nav2 that is nearest to the reason; the reason itself is logged,
-published on `diagnostics`, and in the result where its type has `error_msg` (Nav2 after Jazzy).
-nav2_msgs comes with ROS, not as a wheel: without it there is no server.
+rejected; one whose plan or drive fails later is aborted with the error code of Nav2 that is nearest
+to the reason. The reason is logged, published on `diagnostics`, and in the result of what is
+aborted where its type has `error_msg` (Nav2 after Jazzy). nav2_msgs comes with ROS, not as a wheel:
+without it there is no server.
 """
 
 import math
@@ -17,6 +18,9 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
 
+from serd_files.errors import USER_ERRORS
+from serd_ros.convert.diagnostics import WARN
+from serd_ros.errors import NodeError
 from serd_ros.process.callback_guard import CallbackGuard
 
 #: Error codes of Nav2's planner, behaviour tree and controller.
@@ -81,11 +85,13 @@ def _duration(seconds: float) -> Duration:
 class NavigateToPoseServer:
     """The server of a node; like the node's action clients it lives as long as the process.
 
-    taken: called with each goal; None while the node is not active, which rejects goals.
+    taken: called with each goal; None while the node is not active, which rejects goals. check:
+    called with the pose of each goal before, raises a SerdError where it is rejected.
     """
 
     def __init__(self, node: Node, name: str, guard: CallbackGuard) -> None:
         self.taken: Callable[[ActionGoal], None] | None = None
+        self.check: Callable[[PoseStamped], None] = lambda _: None
         self._node, self._name = node, name
         self._kind = import_module("nav2_msgs.action").NavigateToPose
         self._goals: dict[bytes, ActionGoal] = {}
@@ -96,20 +102,26 @@ class NavigateToPoseServer:
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )  # fmt: skip
 
-    def _may_begin(self, _: Any) -> GoalResponse:
-        if self.taken is not None:
-            return GoalResponse.ACCEPT
-        self._node.get_logger().warning(f"{self._name}: goal rejected: the node is not active")
-        return GoalResponse.REJECT
+    def _may_begin(self, request: Any) -> GoalResponse:
+        try:
+            if self.taken is None:
+                raise NodeError("the node is not active; activate it")
+            self.check(request.pose)
+        except USER_ERRORS as error:
+            reason = f"goal rejected: {error}"
+            self._node.get_logger().warning(f"{self._name}: {reason}")
+            self._node.report(self._node.now_s(), {}, level=WARN, message=reason)
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
 
     def _accept(self, handle: Any) -> None:
         goal = ActionGoal(self._kind, handle, self._node.wall_s())
         self._goals[bytes(handle.goal_id.uuid)] = goal
         handle.execute()
-        if self.taken is None:
-            goal.end("abort", "the node is not active")
-        else:
+        if self.taken is not None:
             self.taken(goal)
+        else:  # it was deactivated since
+            goal.end("abort", "the node is not active")
 
     async def _execute(self, handle: Any) -> Any:
         return await self._goals.pop(bytes(handle.goal_id.uuid)).result()

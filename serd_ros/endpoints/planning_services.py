@@ -70,11 +70,10 @@ class PlanningServices:
         strategy = self._strategy_for(request.goal)
         state, time_s = self._start(strategy, request.start)
         self._require_law(strategy)
-        area = strategy.scenario.goal_area_m
         data = to_arrival_forecast(
             strategy.law_of_cell(state), time_s,
             elapsed_s=0.0,
-            goal_m=(sum(x for x, _ in area) / len(area), sum(y for _, y in area) / len(area)),
+            area_m=strategy.scenario.goal_area_m,
             deadline_s=_deadline_s(request.deadline, strategy),
             shares=_shares(request.shares) or SHARES,
         )  # fmt: skip

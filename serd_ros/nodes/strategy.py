@@ -161,7 +161,7 @@ class Navigating(Activity):
         endpoints.every(_MODEL_CHECK_PERIOD_S, self._check_model_file)
         PlanningServices(endpoints, plan.navigator, lambda: self.runner.observation)
         if (server := endpoints.node.server) is not None:
-            server.taken = lambda goal: self._take_goal(goal.pose, goal)
+            server.taken, server.check = lambda goal: self._take_goal(goal.pose, goal), self._check
         self._reporter.report_plan(self._navigator.strategy, "start", self._node.wall_s())
 
     def deactivate(self) -> None:
@@ -255,13 +255,10 @@ class Navigating(Activity):
             self._end_goal("succeed")
         else:
             self._end_goal("abort", result.reason or result.outcome, action.PATIENCE_EXCEEDED)
-        if self.runner.observation is not None:
-            self._repeat_or_stand(self.runner.observation)
-
-    def _repeat_or_stand(self, observation: Observation) -> None:
-        if self._approach is not None:
+        observation = self.runner.observation
+        if observation is not None and self._approach is not None:
             self._go_on(self._approach, observation)
-        else:
+        elif observation is not None:
             self._publish_waypoint(observation)
 
     @property
@@ -282,16 +279,16 @@ class Navigating(Activity):
         """Plan for a goal; one in a frame of a robot whose /tf has not come yet waits for it."""
         self._drop_early("a newer goal came")
         try:
-            pose = motion.from_goal_pose(message, self._node.frames)
+            pose = self._pose_of(message)
         except MessageError as error:
-            if message.header.frame_id and not self._node.frames.names:
-                self._early = message, client
-                self._node.get_logger().info(f"the goal waits for /tf: {error}")
-                return
             if client is None:
                 raise
             client.end("abort", str(error), action.TF_ERROR)
             self._reporter.report_rejection(error)
+            return
+        if pose is None:
+            self._early = message, client
+            self._node.get_logger().info(f"the goal in {message.header.frame_id} waits for /tf")
             return
         goal = Goal(pose, client)
         self._ask(
@@ -300,10 +297,25 @@ class Navigating(Activity):
             goal,
         )
 
-    def _drop_early(self, reason: str) -> None:
+    def _pose_of(self, message: PoseStamped) -> GoalPose | None:
+        """The pose of a goal; None of an early one, which may be sound once /tf has come."""
+        place, frames = message.pose.position, self._node.frames
+        try:
+            return motion.from_goal_pose(message, frames)
+        except MessageError:
+            if message.header.frame_id and math.isfinite(place.x + place.y) and not frames.names:
+                return None
+            raise
+
+    def _check(self, message: PoseStamped) -> None:
+        """Raise a SerdError for a goal to which no plan can lead; an early one is checked later."""
+        if (pose := self._pose_of(message)) is not None:
+            self._navigator.check_goal(pose.x_m, pose.y_m, self.runner.observation)
+
+    def _drop_early(self, reason: str, how: action.Ending = "abort") -> None:
         early, self._early = self._early, None
         if early is not None and early[1] is not None:
-            early[1].end("abort", reason)
+            early[1].end(how, reason)
 
     def _check_model_file(self) -> None:
         self._reporter.show_policy(self._navigator.strategy)
@@ -332,8 +344,7 @@ class Navigating(Activity):
             self._reporter.report_rejection(error)
             return
         if goal is not None:
-            if self._asked is not None:
-                self._asked.end("abort", "a newer goal came")
+            self._end_asked("abort", "a newer goal came")
             self._asked = goal
         wanted, began_s = self._navigator.wanted, self._node.wall_s()
 
@@ -390,9 +401,7 @@ class Navigating(Activity):
     def _refuse_plan(self, error: Exception) -> None:
         """The plan stays, for the goal that it is for."""
         self._navigator.keep_plan()
-        if self._asked is not None:
-            self._asked.end("abort", str(error), action.NO_VALID_PATH)
-            self._asked = None
+        self._end_asked("abort", str(error), action.NO_VALID_PATH)
         self._reporter.report_rejection(error)
 
     def _begin_drive(self, goal: Goal) -> None:
@@ -414,20 +423,21 @@ class Navigating(Activity):
         self._end_goal(how, reason)
         self._drop_early(reason)
         self._approach = None
-        if self._asked is not None:
-            self._asked.end(how, reason)
-            self._asked = None
+        self._end_asked(how, reason)
+
+    def _end_asked(self, how: action.Ending, reason: str, code: int = 0) -> None:
+        asked, self._asked = self._asked, None
+        if asked is not None:
+            asked.end(how, reason, code)
 
     def _look_after_clients(self) -> None:
         asked, goal = self._asked, self._goal
         if asked is not None and asked.client is not None and asked.client.is_cancelled:
             self._plans.forget()
             self._navigator.keep_plan()
-            self._asked = None
-            asked.end("canceled", "canceled by the client")
+            self._end_asked("canceled", "canceled by the client")
         if self._early is not None and self._early[1] is not None and self._early[1].is_cancelled:
-            self._early[1].end("canceled", "canceled by the client")
-            self._early = None
+            self._drop_early("canceled by the client", "canceled")
         if goal is None or goal.client is None:
             return
         if goal.client.is_cancelled:
@@ -539,14 +549,14 @@ class StrategyReporter:
         forecast = navigator.forecast
         if forecast is None:
             return
-        area, left_s = navigator.strategy.scenario.goal_area_m, navigator.strategy.timeout_s
+        strategy = navigator.strategy
         self._decision.publish(typed.to_decision(forecast))
         self._arrival.publish(
             typed.to_arrival_forecast(
                 forecast.law, forecast.time_s,
                 elapsed_s=forecast.elapsed_s,
-                goal_m=(sum(x for x, _ in area) / len(area), sum(y for _, y in area) / len(area)),
-                deadline_s=max(left_s - forecast.elapsed_s, 0.0),
+                area_m=strategy.scenario.goal_area_m,
+                deadline_s=max(strategy.timeout_s - forecast.elapsed_s, 0.0),
             )
         )  # fmt: skip
         if self._text.get_subscription_count():
@@ -559,9 +569,9 @@ class StrategyReporter:
                 throttle_duration_sec=_LOG_PERIOD_S,
             )
         values = {
-            "n_trap_states": len(navigator.strategy.traps.states),
-            "n_least_time_states": int(navigator.strategy.by_time.sum()),
-            "transferred": navigator.strategy.transferred,
+            "n_trap_states": len(strategy.traps.states),
+            "n_least_time_states": int(strategy.by_time.sum()),
+            "transferred": strategy.transferred,
         }
         level = WARN if forecast.needs_attention else OK
         self._node.report(forecast.time_s, values, level=level, message=forecast.situation)

@@ -45,6 +45,7 @@ def test_a_reference_robot_reaches_a_goal_and_stands_when_its_scans_stop(
     assert seen.endings == ["arrived"]
     assert seen.send_goal(3.5, 12.5)
     until(lambda: seen.measured["speed_mps"] > 0.1)
+    assert seen.send_goal(3.5, 11.5), "the drive that runs leads to it"
     seen.disturb("scan_stops")
     until(lambda: seen.measured["stood_s"] is not None)
     until(lambda: "scan: stamp too old" in seen.guard["reasons"])

@@ -5,6 +5,7 @@ import math
 
 import pytest
 from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.srv import GetPlan
 from rclpy.action import ActionClient
 
@@ -21,7 +22,6 @@ pytestmark = [
         reason="nav2_msgs and serd_msgs are not installed; run make interfaces",
     ),
 ]
-UNREACHABLE = 205
 
 
 class Client:
@@ -33,17 +33,19 @@ class Client:
         self.probe, self.kind, self.feedback = probe, NavigateToPose, []
         self.client = ActionClient(probe.node, NavigateToPose, name)
 
-    def send(self, x_m, y_m, yaw_rad=0.0, frame="map"):
-        """The result of a goal, as a future."""
+    def send(self, x_m, y_m, yaw_rad=0.0):
+        """A goal that is accepted, and its result as a future."""
+        handle = self.ask(x_m, y_m, yaw_rad)
+        assert handle.accepted
+        return handle, handle.get_result_async()
+
+    def ask(self, x_m, y_m, yaw_rad=0.0):
+        """The server's answer to a goal."""
         self.probe.spin_until(self.client.server_is_ready)
-        pose = to_pose_stamped((x_m, y_m, yaw_rad), 0.0)
-        pose.header.frame_id = frame
-        sent = self.client.send_goal_async(
-            self.kind.Goal(pose=pose), lambda message: self.feedback.append(message.feedback)
-        )
+        goal = self.kind.Goal(pose=to_pose_stamped((x_m, y_m, yaw_rad), 0.0))
+        sent = self.client.send_goal_async(goal, lambda each: self.feedback.append(each.feedback))
         self.probe.spin_until(sent.done)
-        assert sent.result().accepted
-        return sent.result(), sent.result().get_result_async()
+        return sent.result()
 
     def result(self, future, seen):
         self.probe.spin_until(future.done, seen=seen)
@@ -81,9 +83,15 @@ def test_an_early_goal_is_driven_to_its_pose_and_a_burst_plans_for_the_newest(dr
 def test_goals_are_refused_with_a_reason_cancelled_and_replaced(driving, probe, nodes):
     client, logs = driving
     wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
-    _, refused = client.send(9.0, 3.0)
-    assert client.result(refused, logs) == (GoalStatus.STATUS_ABORTED, UNREACHABLE)
-    assert "goal must be in a walkable cell" in nodes.log_of("strategy")
+    said = []
+    probe.subscribe(
+        DiagnosticArray, "diagnostics", lambda each: said.append(each.status[0].message)
+    )
+    for goal, reason in (((9.0, 3.0), "goal must be in a walkable"), ((math.nan, 3.0), "position")):
+        assert not client.ask(*goal).accepted
+        stated = f"goal rejected: {reason}"
+        assert stated in nodes.log_of("strategy")
+        probe.spin_until(lambda text=stated: any(text in each for each in said), seen=logs)
 
     handle, far = client.send(3.5, 12.5)
     client.feedback.clear()

@@ -1,5 +1,7 @@
 """Drives by a learned model without ROS: decisions, goals and models that change, giving up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from serd_core.grid.grid import Action
 from serd_files.model_file import load_model
 from serd_sim.errors import SimError
 from serd_sim.scenario.scenario import load_scenario
+from serd_sim.scenario.settings import Obstacle
 from support.episodes import episode_result
 from support.observations import observation_at
 from tests.conftest import model_row
@@ -178,3 +181,15 @@ def test_every_new_minimum_of_the_expected_time_is_progress(patience, minimum, l
     monitor, arrival = ProgressMonitor(settings), ArrivalByState(CDF, np.ones(4))
     reasons = [monitor.update(arrival, state, left) for state in states]
     assert reasons == [None] * (len(states) - 1) + [last]
+
+
+def test_a_goal_that_walls_part_from_the_robot_is_refused_before_a_plan_is_made(navigator_of):
+    navigator, south = navigator_of(), observation_at(3.5, 3.5)
+    across = ((0.0, 10.0), (6.0, 10.0), (6.0, 12.0), (0.0, 12.0))
+    fields = dict(HALLWAY) | {"obstacles": (Obstacle(name="wall", outline_m=across),)}
+    parted = type(HALLWAY).model_construct(**fields)
+    navigator.wanted = replace(navigator.wanted, scenario=parted)
+    navigator.check_goal(1.5, 8.5, south)
+    navigator.check_goal(1.5, 14.5, None)  # nobody knows yet where the robot is
+    with pytest.raises(SimError, match=r"to which a way leads, got \(1.5, 14.5\) m, which walls"):
+        navigator.check_goal(1.5, 14.5, south)

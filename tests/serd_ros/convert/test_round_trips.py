@@ -196,7 +196,7 @@ def test_an_arrival_law_survives_with_its_time(now_s, shares):
     cdf = np.concatenate([[0.0], cdf[kept]])
     law = ArrivalLaw(np.arange(len(cdf)) * 0.5, cdf, float(cdf[-1]))
     data = typed.to_arrival_forecast(
-        law, now_s, elapsed_s=1.0, goal_m=(2.0, 3.0), deadline_s=1.0, shares=(0.5,)
+        law, now_s, elapsed_s=1.0, area_m=[(2.0, 3.0)], deadline_s=1.0, shares=(0.5,)
     )
     message = rosbags_types().deserialize_cdr(data, "serd_msgs/msg/ArrivalForecast")
     assert stamps.stamp_ns(message.header.stamp) == stamps.stamp_ns(stamps.to_stamp(now_s))
