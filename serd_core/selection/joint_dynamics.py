@@ -143,7 +143,9 @@ def fit_under_counts(
 ) -> FitResult:
     """Fit rewards by evidence under counted dynamics: the same prior as SERD's, without the joint.
 
-    fit = sc.fit_under_counts(problem, decisions)
+    pseudo_count: observations that are added to every outcome before they are counted.
+
+        fit = sc.fit_under_counts(problem, decisions)
     """
     dynamics = estimate_dynamics(problem, decisions, pseudo_count)
     return fit_mdce_irl_by_likelihood(
