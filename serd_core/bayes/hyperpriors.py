@@ -25,8 +25,8 @@ HYPERPRIORS = {
     "intended_ratio": (1.0, 1.5),
     "dwell_deviation": (1.0, 0.5),
 }
-#: Scales over which the density of a weight is averaged, as shares of sums by Gauss and Hermite.
-N_SCALES = 24
+#: Scales over which the density of a weight is averaged, and their shares, by Gauss and Hermite.
+_NODES, _SHARES = np.polynomial.hermite_e.hermegauss(24)
 #: Largest standard deviation of a step of log c and log b.
 STRIDE = 1.0
 
@@ -39,11 +39,10 @@ class Scales:
 
     def log_density(self, weights: FloatArray) -> FloatArray:
         """(n,) log density of (n, F) weights, up to a constant."""
-        nodes, shares = np.polynomial.hermite_e.hermegauss(N_SCALES)
         median, spread = HYPERPRIORS["deviation"]
-        log_scale = np.log(median) + spread * nodes
+        log_scale = np.log(median) + spread * _NODES
         u = (weights * self.ranges)[..., None] / np.exp(log_scale)
-        each = np.log(shares / shares.sum()) - log_scale - 0.5 * u**2
+        each = np.log(_SHARES / _SHARES.sum()) - log_scale - 0.5 * u**2
         return np.asarray(np.logaddexp.reduce(each, axis=-1).sum(axis=-1))
 
     def deviations(self) -> FloatArray:
