@@ -26,7 +26,8 @@ from serd_files.table import EpisodeResult, OptionalFloat, append_row, columns_o
 from serd_sim.drivers.policy_driver import PolicyDriver
 from serd_sim.drivers.strategy import STEP_S, Strategy, load_strategy
 from serd_sim.errors import SimError
-from serd_sim.scenario.grid import cells_joined_with, goal_at, goal_cell, grid_of, with_goal
+from serd_sim.scenario.cells import groups_of
+from serd_sim.scenario.grid import goal_at, goal_cell, grid_of, with_goal
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.world.observation import Observation
 
@@ -275,7 +276,8 @@ class Navigator:
         grid = grid_of(self.wanted.scenario)
         goal = goal_cell(grid, x_m, y_m)
         start = -1 if here is None else grid.state_at(here.x_m, here.y_m)
-        if here is not None and start >= 0 and goal not in cells_joined_with(grid, start):
+        group = groups_of(grid.walkable)[grid.walkable]
+        if here is not None and start >= 0 and group[goal] != group[start]:
             raise SimError(
                 f"goal must be in a cell to which a way leads, got ({x_m:g}, {y_m:g}) m, which"
                 f" walls part from ({here.x_m:g}, {here.y_m:g}); choose another goal"

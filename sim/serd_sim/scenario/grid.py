@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order
 
 from serd_bag.nearest import choice_rule
 from serd_core.arrays import FloatArray, IntArray
@@ -157,14 +155,6 @@ def goal_cell(grid: Grid, x_m: float, y_m: float, *, what: str = "goal") -> int:
             f"; the nearest one is at ({near_x_m:g}, {near_y_m:g})"
         )
     return state
-
-
-def cells_joined_with(grid: Grid, state: int) -> IntArray:
-    """(N,) the cells to which moves lead from a cell, itself included."""
-    n_states, ends = grid.n_states, grid.neighbours
-    begins = np.arange(n_states).repeat(ends.shape[1])
-    moves = csr_array((np.ones(ends.size), (begins, ends.ravel())), shape=(n_states, n_states))
-    return np.asarray(breadth_first_order(moves, state, return_predecessors=False))
 
 
 def cell_area_m(grid: Grid, state: int) -> Area:
