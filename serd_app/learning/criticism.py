@@ -1,4 +1,4 @@
-"""Whether the data support what a model claims: seven checks between the fit and the headline.
+"""Whether the data support what a model claims: eight checks between the fit and the headline.
 
 | key | question | fails where |
 | --- | --- | --- |
@@ -6,7 +6,9 @@
 | rollouts | does the policy arrive under counted dynamics? | less often, or at other times |
 | ways | is there a way to the goal? | none from a start, or a quarter of the cells |
 | arrival_times | do drives arrive as forecast, or as the model has the driver? | they do not |
-| dwell_times | do moves take as long in all places? | no, and the forecast may be a tenth off |
+| certainty | does the posterior know when half arrive? | in a tenth of the draws a quarter off |
+| dwell_times | do moves take as long in all places? | the forecast may be a tenth off, or is
+|  |  | of cells without moves |
 | outcomes | do moves end as often as the posterior expects? | tail probability below 5 % |
 | held_out_moves | are moves of left-out drives likelier than under simpler models? | they are not |
 
@@ -57,6 +59,8 @@ _WORTH, _REPLICATES = 2.0, 400
 _CHANCE = 0.01
 #: Factor by which half of the drives may arrive earlier or later than by counts.
 _MARGIN = 1.1
+#: Factor by which they may do so in a draw of the posterior, and share of draws beyond it.
+_FAR, _MOST_FAR = 1.25, 0.1
 #: Groups of drives that are left out, one after another.
 _GROUPS = 10
 
@@ -117,6 +121,7 @@ def criticise(found: Criticised, rng: np.random.Generator) -> tuple[Check, ...]:
             _rollouts(found, dynamics),
             _ways(found),
             _arrival_times(found),
+            _certainty(found),
             _outcomes(found, rng),
             check_dwell_times(
                 found.plan, found.seen, found.starts, rng, level=LEVEL, margin=_MARGIN
@@ -512,6 +517,28 @@ def _rollouts(found: Criticised, dynamics: FloatArray) -> Check:
         f" ({100 * low:.0f} to {100 * high:.0f} %) of drives within"
         f" {seconds_in_words(plan.timeout_s)}{_half_text(_median_s(under, starts))}; the model says"
         f" {100 * claimed.mean():.0f} %{_half_text(half_s)}",
+    )
+
+
+def _certainty(found: Criticised) -> Check:
+    """When half of the drives arrive in each draw of the posterior, beside their average."""
+    own, key = found.plan.arrival_of_draws(found.plan.policy), "certainty"
+    if len(own) == 1:
+        sentence = "how certain the forecast is, is not known: the method has no posterior"
+        return Check(key=key, mark="unknown", sentence=sentence)
+    each_s = np.array([_median_s([each], found.starts) for each in own])
+    half_s = _median_s(own, found.starts)
+    near = (each_s <= _FAR * half_s) & (half_s <= _FAR * each_s) | (each_s == half_s)
+    n_far, arriving_s = int(np.sum(~near)), each_s[np.isfinite(each_s)]
+    span = "never"
+    if len(arriving_s):
+        low_s, high_s = (seconds_in_words(float(of(arriving_s))) for of in (np.min, np.max))
+        span = f"by {low_s} to {high_s}" + " or never" * (len(arriving_s) < len(each_s))
+    return Check(
+        key=key,
+        mark="fails" if n_far > _MOST_FAR * len(each_s) else "holds",
+        sentence=f"in {len(each_s)} draws of the posterior half of the drives arrive {span};"
+        f" {n_far} of these times are a quarter or more off the forecast",
     )
 
 

@@ -39,6 +39,7 @@ KEYS = {
     "rollouts",
     "ways",
     "arrival_times",
+    "certainty",
     "outcomes",
     "dwell_times",
     "held_out_moves",
@@ -140,6 +141,14 @@ def test_a_claim_to_arrive_fails_where_counted_moves_do_not_lead_there():
     assert marks(criticised(TRUTH[None]))["rollouts"] == "holds"
     found = marks(criticised(TRUTH[None], decisions=still))
     assert (found["rollouts"], found["arrival_times"]) == ("fails", "fails")
+
+
+@pytest.mark.parametrize(("late", "mark"), [(0, "holds"), (1, "holds"), (2, "fails")])
+def test_a_forecast_of_which_draws_are_far_off_is_not_certain(late, mark):
+    laws = np.repeat(TRUTH[None], 12, axis=0)
+    laws[:late, MODEL.means] += np.log(1.5)
+    assert marks(criticised(laws))["certainty"] == mark
+    assert marks(criticised(TRUTH[None]))["certainty"] == "unknown"
 
 
 def test_a_policy_that_shuns_the_goal_has_no_way_and_its_forecast_no_recorded_times():

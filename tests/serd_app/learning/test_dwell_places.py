@@ -8,6 +8,7 @@ from scipy.stats import binom
 
 from serd_app.learning.criticism import LEVEL, RecordedTimes
 from serd_app.learning.dwell_places import check_dwell_times, place_factors
+from serd_core.arrival.chain import arrival_moments
 from serd_core.demonstrations.simulation import sample_timed_decisions
 from serd_core.grid.grid import Action, Grid
 from serd_core.grid.navigation import (
@@ -16,7 +17,7 @@ from serd_core.grid.navigation import (
     with_dwell_times,
 )
 from serd_core.policies.solved_policy import optimal_policy
-from serd_core.semi_markov.models import require_timed
+from serd_core.semi_markov.models import require_timed, semi_markov_problem
 from serd_sim.drivers.strategy import Plan
 from tests.conftest import OUTCOMES
 
@@ -110,6 +111,24 @@ def test_a_slow_region_contradicts_where_the_drive_goes_without_moves_that_were_
     check = check_dwell_times(plan, drives, np.array(starts), rng, level=LEVEL, margin=1.1)
     assert "(tail probability 0.00" in check.sentence
     assert check.mark == mark, check.sentence
+
+
+@pytest.mark.parametrize(("row", "mark"), [(8, "holds"), (6, "holds"), (3, "fails")])
+def test_a_forecast_through_cells_from_which_nothing_moved_is_not_supported(row, mark):
+    drives = demonstrations(20)
+    drives = drives.select(GRID.centers_m[drives.state, 1] < row + 1.0)
+    plan = Plan(problem=PROBLEM, learned=LEARNED, draws=TRUTH[None], timeout_s=120.0)
+    rng = np.random.default_rng(0)
+    check = check_dwell_times(plan, drives, np.arange(6), rng, level=LEVEL, margin=1.1)
+    assert check.mark == mark, check.sentence
+    everywhere = semi_markov_problem(PROBLEM, log_pace=np.full(GRID.n_states, np.log(2.0)))
+    twice_s, once_s = (
+        arrival_moments(each, LEARNED.probabilities, TRUTH, 0.2)[0][:6].mean()
+        for each in (everywhere, PROBLEM)
+    )
+    stated = float(check.sentence.split("drive would take ")[1].split()[0])
+    # A move leaves each of eight rows; waits of a given duration are not slower.
+    assert stated == pytest.approx(1.0 + max(7 - row, 0) / 8 * (twice_s / once_s - 1.0), abs=0.03)
 
 
 @pytest.mark.parametrize(
