@@ -5,6 +5,7 @@ those of the cell in which it ends (Moravec and Elfes, ICRA 1985). Readings that
 infinite, beyond the range) change nothing: many lidars give them for glass and dark walls too.
 """
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,12 +68,11 @@ class RecordedMap:
         self._grid_topic = min(grids, key=len, default="")
         self._known, self._scans = known, list[_Scan]()
         self._grid: Any = None
-        self.n_scans = self.n_damaged = 0
         self.topics = {self._scan_topic, self._grid_topic, *self.tf.topics} - {""}
 
     def take(self, message: RawMessage) -> None:
-        """A message of one of the topics; damaged ones are counted."""
-        try:
+        """A message of one of the topics; what is damaged is left out."""
+        with suppress(BagError):
             if self.tf.take(message):
                 return
             if message.topic in (self._scan_topic, self._grid_topic):
@@ -81,10 +81,7 @@ class RecordedMap:
                 if message.topic == self._grid_topic:
                     self._grid = found
                 else:
-                    self.n_scans += 1
                     self._scans.append(_scan_of(found, message.log_time_ns / 1e9))
-        except BagError:
-            self.n_damaged += 1
 
     def map(self, track: PoseTrack | None) -> PlaceMap | None:
         """The map in the frame of the poses; None without grid and scans that can be placed."""
