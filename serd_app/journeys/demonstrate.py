@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ from serd_app.drives.mapping import BagMapping
 from serd_app.drives.recording import Recording, read_mapping, read_recording
 from serd_app.errors import AppError, MappingError
 from serd_app.learning.settings import LearningSettings
-from serd_app.places.free_area import read_area_m, require_area_file
+from serd_app.places.free_area import read_area_m, require_area_file, stated_area_m
 from serd_bag.files import delete_file
 from serd_bag.quantities import counted
 from serd_core.arrays import FloatArray
@@ -55,8 +55,8 @@ class PlaceChoice:
     """Where recordings were made: a scenario by name or file, or a grid that is fitted to them.
 
     cell_size_m: side of the cells of a fitted grid, None for one that fits how the robot drives.
-    area: file of what is walkable, None for where the robot was. AppError where a scenario and one
-    of these are given.
+    area: file of what is walkable, None for what an archive states, else where the robot was.
+    AppError where a scenario and one of these are given.
     """
 
     scenario: str = ""
@@ -137,7 +137,9 @@ def demonstrate(
     file is missing or wrong, or where there is no decision.
     """
     scenario = load_scenario(choice.scenario) if choice.scenario else None
-    area_m = read_area_m(choice.area) if choice.area else None
+    area_m = None
+    if scenario is None:
+        area_m = read_area_m(choice.area) if choice.area else stated_area_m(paths)
     known = read_mapping(mapping, paths)
     goal_area_m = scenario.goal_area_m if scenario else ()
     options = {"mapping": known, "tolerant": tolerant, "hidden": hidden, "goal_area_m": goal_area_m}
@@ -159,7 +161,7 @@ def demonstrate(
     if not missing:
         _save_pictures(beside, place, decisions, recordings, flow)
     files = {name: path for name, path in beside.items() if path.exists()}
-    too_few = _finer_cells(recordings, place, len(decisions))
+    too_few = _finer_cells(recordings, place, area_m, len(decisions))
     return Demonstrated(place, found, flow, files, missing, too_few)
 
 
@@ -175,19 +177,22 @@ def _read(path: Path, **options: Any) -> Recording:
         raise
 
 
-def _finer_cells(recordings: Sequence[Recording], place: Place, n_decisions: int) -> str:
+def _finer_cells(
+    recordings: Sequence[Recording],
+    place: Place,
+    area_m: shapely.Polygon | None,
+    n_decisions: int,
+) -> str:
     """The command option that gives enough decisions to learn from, or that none does; empty where
     there are enough, or the cells are those of a scenario."""
     needed = LearningSettings().minimum_decisions
     if n_decisions >= needed or place.scenario is not None:
         return ""
     few = f"{counted(n_decisions, 'decision')} are too few to learn from ({needed})"
-    drives = [drive for each in recordings for drive in each.drives]
     for share in _FINER:
         size_m = round(share * place.grid.cell_size_m, 3)
         try:
-            grid, patience_s = fitted_grid(recordings, size_m), fitting_patience_s(drives, size_m)
-            finer = replace(place, grid=grid, patience_s=patience_s)
+            finer = _place(recordings, None, size_m, area_m)
             n_finer = sum(len(each.decisions) for each in _decided(recordings, finer))
         except AppError:
             continue

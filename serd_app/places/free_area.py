@@ -1,10 +1,11 @@
 """Walkable areas as polygons with holes, whose edges are the walls of a scenario: the free area of
-a raster, or that of a file of polygons in metres, WKT or GeoJSON.
+a raster, or that of a file of polygons in metres, WKT or GeoJSON, or of an archive of people.
 
 All polygons of a file together are its area, holes are solids. The connected part that counts is
 the largest, or the one around a point.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from serd_app.errors import AppError
 from serd_bag.errors import FileError
 from serd_bag.files import read_text
 from serd_core.arrays import BoolArray
+from serd_files.trajectories.databases import area_of_database, is_of_database
 from serd_sim.safety.motion import in_frame, out_of_frame
 from serd_sim.scenario.occupancy import OccupancyRaster
 
@@ -88,12 +90,12 @@ def rings_m(area: shapely.Polygon) -> list[list[tuple[float, float]]]:
 
 
 def is_area_file(path: Path) -> bool:
-    """Whether a file holds polygons, by its suffix."""
-    return path.suffix.lower() in _READERS
+    """Whether a file holds polygons, by its suffix, or is an archive of people with its area."""
+    return path.suffix.lower() in _READERS or is_of_database(path)
 
 
 def require_area_file(path: Path) -> None:
-    """AppError unless it is one, by its suffix."""
+    """AppError unless it is one."""
     if not is_area_file(path):
         raise AppError(f"{path} must end in {', '.join(_READERS)}; export the polygons as one")
 
@@ -117,11 +119,21 @@ def read_area_m(path: Path, at_m: tuple[float, float] | None = None) -> shapely.
     return largest(shapely.set_precision(found, _PRECISION_M))
 
 
+def stated_area_m(paths: Sequence[Path]) -> shapely.Polygon | None:
+    """The area that the first archive of people states, None where none does."""
+    archives = (path for path in paths if is_of_database(path))
+    stated = next((path for path in archives if area_of_database(path)), None)
+    return None if stated is None else read_area_m(stated)
+
+
 def _polygons_of(path: Path) -> list[shapely.Polygon]:
     """Those of a file, at least one, each with a sound outline; else FileError."""
     try:
         with np.errstate(invalid="ignore", over="ignore"):  # of numbers that are not finite
-            shape = shapely.force_2d(_READERS[path.suffix.lower()](read_text(path)))
+            if is_of_database(path):
+                shape = area_of_database(path) or shapely.Polygon()
+            else:
+                shape = shapely.force_2d(_READERS[path.suffix.lower()](read_text(path)))
     except (shapely.GEOSException, UnicodeDecodeError) as error:  # the other: of GEOS's own message
         reason = next(iter(str(error).splitlines()), type(error).__name__)
         raise FileError(

@@ -7,6 +7,9 @@ Wild-Track has a file per frame with the cell of each person: 480 cells of 2.5 c
 
 import json
 from pathlib import Path
+from types import ModuleType
+
+import shapely
 
 from serd_bag.errors import FileError
 from serd_files.trajectories.columns import Cells
@@ -40,7 +43,21 @@ def _kind(path: Path) -> bytes:
     return _HDF5 if first.startswith(_HDF5) else first
 
 
-def _of_pedpy(path: Path) -> Cells:
+def area_of_database(path: Path) -> shapely.Geometry | None:
+    """The walkable area (m) that a file states beside its people, None where it states none."""
+    pedpy = _pedpy(path)
+    read = (
+        pedpy.load_walkable_area_from_ped_data_archive_hdf5
+        if _kind(path) == _HDF5
+        else pedpy.load_walkable_area_from_jupedsim_sqlite
+    )
+    try:
+        return shapely.from_wkt(read(trajectory_file=path).polygon.wkt)
+    except Exception:  # of h5py, SQLite and PedPy, which share no base
+        return None
+
+
+def _pedpy(path: Path) -> ModuleType:
     try:
         import pedpy
     except ModuleNotFoundError:
@@ -48,7 +65,11 @@ def _of_pedpy(path: Path) -> Cells:
             f"{path} is read by the package pedpy, which is not installed; run: pip install pedpy"
             " (Python 3.11 or later)"
         ) from None
-    is_hdf5 = _kind(path) == _HDF5
+    return pedpy  # type: ignore[no-any-return]
+
+
+def _of_pedpy(path: Path) -> Cells:
+    pedpy, is_hdf5 = _pedpy(path), _kind(path) == _HDF5
     read = (
         pedpy.load_trajectory_from_ped_data_archive_hdf5
         if is_hdf5
@@ -56,7 +77,7 @@ def _of_pedpy(path: Path) -> Cells:
     )
     try:
         found = read(trajectory_file=path)
-    except Exception as error:  # of h5py, SQLite and PedPy, which share no base
+    except Exception as error:  # as above
         what = "HDF5 of the Jülich archive" if is_hdf5 else "SQLite of JuPedSim"
         reason = (str(error).splitlines() or ["it is damaged"])[0]
         raise FileError(

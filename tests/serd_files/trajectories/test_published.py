@@ -5,8 +5,11 @@ import sqlite3
 
 import numpy as np
 import pytest
+from shapely import from_wkt
 
 from serd_app.drives.recording import is_table
+from serd_app.journeys.demonstrate import PlaceChoice, demonstrate
+from serd_app.places.free_area import stated_area_m
 from serd_bag.errors import FileError
 from serd_files.trajectories.columns import TableColumns
 from serd_files.trajectories.read import read_trajectories
@@ -17,12 +20,15 @@ FPS = 10.0
 #: frame, id, x, y: 1 walks east at 1.2 m/s, 2 north at 1 m/s.
 ROWS = [row for n in range(40) for row in ((n, 1, 0.12 * n, 1.0), (n, 2, 3.0, 0.1 * n))]
 
+AREA = "POLYGON ((-1 -1, 6 -1, 6 5, -1 5, -1 -1))"
+
 
 def hdf5(path):
     h5py = pytest.importorskip("h5py")
     kinds = [("frame", int), ("id", int), ("x", float), ("y", float)]
     with h5py.File(path, "w") as file:
         file.create_dataset("trajectory", data=np.array(ROWS, dtype=kinds)).attrs["fps"] = FPS
+        file.attrs["wkt_geometry"] = AREA
 
 
 def sqlite(path):
@@ -30,7 +36,9 @@ def sqlite(path):
         file.execute("create table trajectory_data (frame, id, pos_x, pos_y)")
         file.execute("create table metadata (key, value)")
         file.executemany("insert into trajectory_data values (?, ?, ?, ?)", ROWS)
-        file.execute("insert into metadata values ('fps', ?)", (str(FPS),))
+        file.execute("insert into metadata values ('fps', ?), ('version', '2')", (str(FPS),))
+        file.execute("create table geometry (hash, wkt)")
+        file.execute("insert into geometry values (1, ?)", (AREA,))
 
 
 def wildtrack(path):
@@ -55,6 +63,13 @@ def test_people_of_a_published_archive_are_read_in_metres_and_seconds(tmp_path, 
     expected = np.array([row[2:] for row in ROWS if row[1] == 1])
     np.testing.assert_allclose(east.position_m, expected, atol=0.0126)
     np.testing.assert_allclose(north.position_m[-1], (3.0, 3.9), atol=0.0126)
+    place = demonstrate([path], tmp_path / "decisions.csv", PlaceChoice(cell_size_m=1.0)).place
+    assert place.has_walls != path.is_dir()  # a folder of JSON states no area
+    if place.has_walls:
+        area_m = stated_area_m([path])
+        assert area_m is not None
+        assert area_m.equals(from_wkt(AREA))
+        assert place.grid.n_states == 7 * 6
 
 
 @pytest.mark.parametrize(

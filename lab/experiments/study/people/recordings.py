@@ -18,7 +18,7 @@ from lab.experiments.study.people.settings import GridSettings, PeopleSettings
 from serd_app.demonstrations.decision_table import concatenate
 from serd_app.demonstrations.discretise import decisions_from_drive
 from serd_app.drives.drive import EpisodeSpan, RecordedDrive
-from serd_app.places.free_area import read_area_m
+from serd_app.places.free_area import read_area_m, stated_area_m
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN, TimedDecisions
 from serd_core.errors import SerdError
@@ -167,7 +167,7 @@ def _without_jumps(
 
 def _in_corridor(path: Path, tracks: Sequence[Track], settings: PeopleSettings) -> CorridorPeople:
     """Those in the corridor, which the settings may state as an area."""
-    area_m = read_area_m(Path(settings.area)) if settings.area else None
+    area_m = read_area_m(Path(settings.area)) if settings.area else stated_area_m([path])
     try:
         return corridor_people(tracks, area_m)
     except SimError as error:
