@@ -3,15 +3,19 @@ source, and what demonstration would add most.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from serd_core.arrays import FloatArray
-from serd_core.bayes.information import expected_information_gain, outcome_information
-from serd_core.bayes.laplace import Laplace, PosteriorDraws, laplace
+from serd_core.bayes.information import (
+    expected_information_gain,
+    outcome_information,
+    weight_information,
+)
+from serd_core.bayes.laplace import Laplace, PosteriorDraws, interval_draws, laplace
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Grid, Outcome
@@ -173,11 +177,25 @@ def posterior_of(
         return None
 
 
-def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | None:
-    """None where the dynamics were not learned."""
+def knowledge_of(
+    problem: NavigationProblem, posterior: Laplace, of_moves: Laplace | None = None
+) -> Knowledge | None:
+    """None where the dynamics were not learned.
+
+    of_moves: posterior of the moves alone, where that of choices has counted dynamics; then gains
+    are about rewards.
+    """
     try:
-        found = outcome_information(posterior, MASS)
+        found = outcome_information(of_moves or posterior, MASS)
         gain = expected_information_gain(posterior)
+        if of_moves is not None:
+            draws = interval_draws(posterior, np.random.default_rng(0), MASS)
+            found = replace(
+                found,
+                from_choices=np.zeros_like(found.from_choices),
+                weights=draws.interval(draws.reward, MASS),
+                from_choices_of_weights=weight_information(posterior, draws),
+            )
     except SerdError:
         return None
     outcomes = tuple(
@@ -211,7 +229,8 @@ def knowledge_of(problem: NavigationProblem, posterior: Laplace) -> Knowledge | 
         )
         for f, feature in enumerate(problem.feature_names)
     )
-    return Knowledge(outcomes, gains, tuple(_durations(problem, posterior, found.draws)), weights)
+    durations = tuple(_durations(problem, of_moves or posterior, found.draws))
+    return Knowledge(outcomes, gains, durations, weights)
 
 
 def _durations(

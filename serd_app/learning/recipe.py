@@ -109,7 +109,7 @@ def learn(
     problem = _problem_of(shared, settings.method, every)
     data = fit_data(problem, every, settings, rng, warm_weights, on_progress)
     learned = _judged(problem, every, fit_by(settings.method, data), rng)
-    found, posterior, draws = learned.found, learned.posterior, learned.draws
+    found, draws = learned.found, learned.draws
     fit = with_still_waits(found.fit) if every.hidden.any() else found.fit
     dynamics, durations = dynamics_of(shared, every, fit, draws)
     n_states = task.problem.mdp.n_states
@@ -135,7 +135,7 @@ def learn(
         every,
         found.prior_weight,
         found.validation,
-        None if posterior is None else _known(problem, posterior, n_states),
+        _known(problem, learned, n_states),
         task.scenario_yaml,
         durations=durations,
         both=learned.both,
@@ -146,12 +146,14 @@ def learn(
 class _Learned:
     """A fit, its posterior and draws, None where it has none.
 
+    of_moves: the posterior of the moves alone where dynamics are counted, else None.
     joint: which dynamics were taken; both: the two that were compared, none where they were not.
     """
 
     found: MethodResult
     posterior: Laplace | None = None
     draws: PosteriorDraws | None = None
+    of_moves: Laplace | None = None
     joint: Check | None = None
     both: tuple[DynamicsRow, ...] = ()
 
@@ -175,7 +177,7 @@ def _judged(
     check = Check(key="joint_dynamics", mark=mark, sentence=judged.sentence)
     both = dynamics_rows(problem, judged.moves, draws)
     if judged.chosen == "joint":
-        return _Learned(found, posterior, draws, check, both)
+        return _Learned(found, posterior, draws, None, check, both)
     prior = f"{found.prior}; dynamics counted from the moves alone"
     posterior, moves = judged.posterior_of_counted, judged.moves
     draws = laplace_draws(posterior, rng)
@@ -183,12 +185,15 @@ def _judged(
     draws = replace(
         draws, truth=moves.truth[rows], outcome_probabilities=moves.outcome_probabilities[rows]
     )
-    return _Learned(MethodResult(judged.counted, prior), posterior, draws, check, both)
+    counted = MethodResult(judged.counted, prior)
+    return _Learned(counted, posterior, draws, judged.posterior_of_moves, check, both)
 
 
-def _known(problem: NavigationProblem, posterior: Laplace, n_states: int) -> Knowledge | None:
+def _known(problem: NavigationProblem, learned: _Learned, n_states: int) -> Knowledge | None:
     """What the fit knows; the gains are those of demonstrations to the first goal."""
-    found = knowledge_of(problem, posterior)
+    if learned.posterior is None:
+        return None
+    found = knowledge_of(problem, learned.posterior, learned.of_moves)
     return None if found is None else replace(found, gains=found.gains[:n_states])
 
 

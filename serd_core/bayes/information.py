@@ -146,7 +146,7 @@ def outcome_information(found: Laplace, mass: float = 0.9) -> OutcomeInformation
         mass=mass,
         weights=draws.interval(draws.reward, mass),
         from_data=_from_data(models, draws),
-        from_choices_of_weights=_of_weights(found, draws),
+        from_choices_of_weights=weight_information(found, draws),
         draws=draws,
     )
 
@@ -168,7 +168,7 @@ def normal_nats(draws: FloatArray, mean: FloatArray, variance: FloatArray) -> Fl
     return np.asarray(np.maximum(0.5 * (ratio - 1.0 + away - np.log(ratio)), 0.0))
 
 
-def _of_weights(found: Laplace, draws: PosteriorDraws) -> FloatArray:
+def weight_information(found: Laplace, draws: PosteriorDraws) -> FloatArray:
     """(F,) KLD of the posterior of each weight from its prior, both taken as normal."""
     at = found.coordinates.parameters(found.mode)
     bend = found.posterior.prior.hessian(found.problem.mdp.transitions, at)

@@ -23,19 +23,22 @@ def effective_sizes(draws: FloatArray, n_chains: int, shares: FloatArray) -> Flo
 
     draws: (T C, ...), the states of C chains after each of T sweeps, where an incomplete last sweep
     is left out. 0 where the chains drift, and of a single chain, which nothing is compared with.
+    Chains of one state each are independent draws.
     """
     whole = draws[: len(draws) // n_chains * n_chains]
     values = whole.reshape(-1, n_chains, *draws.shape[1:])
     if n_chains == 1:
         return np.zeros(values.shape[2:])
     half, least = len(values) // 2, np.full(values.shape[2:], float(len(whole)))
+    if not half:
+        return least
     for share, end in zip(shares, np.quantile(whole, shares, axis=0), strict=True):
         below = (values <= end).astype(np.float64)
         spread = below.mean(axis=0).var(axis=0, ddof=1)
         expected = n_chains * share * (1.0 - share)
         worth = np.divide(expected, spread, out=np.full_like(spread, np.inf), where=spread > 0)
-        moved = below[len(values) - half :].mean(axis=0) - below[:half].mean(axis=0) if half else 0
-        error = np.std(moved, axis=0, ddof=1) / np.sqrt(n_chains) if half else 0.0
+        moved = below[len(values) - half :].mean(axis=0) - below[:half].mean(axis=0)
+        error = np.std(moved, axis=0, ddof=1) / np.sqrt(n_chains)
         drifts = np.abs(np.mean(moved, axis=0)) > DRIFT * error
         least = np.minimum(least, np.where(drifts, 0.0, worth))
     return np.asarray(least)

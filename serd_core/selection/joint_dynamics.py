@@ -55,8 +55,8 @@ class JointDynamics:
     cost_nats: of choices to moves; lead_nats: log evidence of the joint fit less that of moves and,
     given counted dynamics, of choices. action_nats, uniform_nats: per action, log evidence of the
     choices under counted dynamics, which is that of each action given those before it, and of
-    random choices. counted: the fit of rewards under counted dynamics, and its posterior. moves:
-    64 draws of the dynamics given the moves alone.
+    random choices. counted: the fit of rewards under counted dynamics, and its posterior; that of
+    the moves alone, and 64 draws of it.
     """
 
     cost_nats: float
@@ -65,6 +65,7 @@ class JointDynamics:
     uniform_nats: float
     counted: FitResult
     posterior_of_counted: Laplace
+    posterior_of_moves: Laplace
     moves: PosteriorDraws
 
     @property
@@ -134,6 +135,7 @@ def judge_joint_dynamics(
         uniform_nats=-float(np.log(n_available).mean()),
         counted=counted,
         posterior_of_counted=of_counted,
+        posterior_of_moves=moves,
         moves=drawn,
     )
 

@@ -95,6 +95,12 @@ def test_choices_that_contradict_the_moves_leave_dynamics_to_the_counts():
     well_known = np.bincount(used, minlength=len(table)) >= 20
     np.testing.assert_allclose(shown[well_known], table[well_known], atol=0.1)
     assert all(row.joint_lower < row.joint < row.joint_upper for row in outcome.both)
+    known = outcome.knowledge  # of moves and choices apart
+    assert known is not None
+    assert {row.known_from for row in known.outcomes} <= {"counts", "prior only"}
+    assert known.weights[0].known_from == "choices"
+    assert np.isfinite([row.lower for row in known.weights]).all()
+    assert known.gain_nats.max() > 0.0
     # What moves leave open stays open.
     assert np.std(outcome.model.draws.learned, axis=0)[0].max() > 0.0
 

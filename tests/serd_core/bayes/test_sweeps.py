@@ -277,6 +277,7 @@ def test_correlated_states_are_worth_what_their_autocorrelation_leaves_and_drift
     np.testing.assert_allclose(worth, expected, rtol=0.25)
     drifting = draws + 0.02 * np.repeat(np.arange(40), 200)[:, None]
     assert effective_sizes(drifting, 200, np.array([0.05, 0.5]))[0] == 0.0
+    assert (effective_sizes(draws, n, np.array([0.5])) == n).all()  # each draw a chain
 
 
 def test_an_interval_that_has_not_mixed_is_no_number(monkeypatch):
