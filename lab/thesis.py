@@ -17,8 +17,8 @@ PAGE, HALLWAY_PAGE = Path("docs/thesis.md"), Path("docs/hallway_study.md")
 def _modes(table: pd.DataFrame) -> str:
     count = table.groupby(["learner", "mode"])["n"].sum().astype(int)
     return (
-        f"SERD: {count['MDCE SERD', 'A']} sets in A, {count['MDCE SERD', 'B']} in B;"
-        f" IRL: {count['MDCE IRL', 'A']} in A, {count['MDCE IRL', 'B']} in B"
+        f"SERD {count['MDCE SERD', 'A']} A, {count['MDCE SERD', 'B']} B;"
+        f" IRL {count['MDCE IRL', 'A']} A, {count['MDCE IRL', 'B']} B"
     )
 
 
@@ -27,7 +27,7 @@ def _certainty(table: pd.DataFrame) -> str:
     medians = largest.set_index(["learner", "mode"])["median"]
     serd = ", ".join(f"{medians['MDCE SERD', mode]:.1e} in {mode}" for mode in "AB")
     irl = f"{medians['MDCE IRL', 'B']:.1e} in B"
-    return f"at {largest['size'].iloc[0]} demonstrations SERD {serd}; IRL {irl}"
+    return f"SERD {serd}; IRL {irl}"
 
 
 def _exponents(table: pd.DataFrame) -> str:
@@ -44,21 +44,21 @@ def _exponents(table: pd.DataFrame) -> str:
 def _distributions(table: pd.DataFrame) -> str:
     found = table.dropna().groupby("prior", sort=False)["p_1"]
     shares = {prior: sorted({f"{value:.2f}" for value in values}) for prior, values in found}
-    parts = (f"{prior}: p₁ = {' or '.join(texts)}" for prior, texts in shares.items())
-    return "; ".join(parts).replace("|", r"\|")
+    parts = (f"{prior} {' or '.join(texts)}" for prior, texts in shares.items())
+    return f"p₁: {'; '.join(parts)}".replace("|", r"\|")
 
 
 def _gridworld(learners: Sequence[str], **measures: str) -> Callable[[pd.DataFrame], str]:
-    """Medians at 12 demonstrations; measures: their words by the names of the table."""
+    """Medians of the learners at 12 demonstrations; measures: their words by the table's names."""
 
     def number(table: pd.DataFrame) -> str:
         parts = []
         for name, words in measures.items():
             rows = table[(table["size"] == _SIZE) & (table["measure"] == name)]
             medians = rows.set_index("learner")["median"]
-            shown = (f"{learner} {medians[learner]:.3f}" for learner in learners)
-            parts.append(f"{words}: {', '.join(shown)}")
-        return f"at {_SIZE} demonstrations {'; '.join(parts)}"
+            shown = (f"{medians[learner]:.3f}" for learner in learners)
+            parts.append(f"{words} {', '.join(shown)}")
+        return "; ".join(parts)
 
     return number
 
@@ -77,9 +77,9 @@ def _hallway(*measures: str) -> Callable[[pd.DataFrame], str]:
         for measure in measures:
             name, words = measure.split(" ", 1)
             medians = largest[largest["measure"] == name].set_index("method")["median"]
-            shown = (f"{each} {medians[each]:.3f}" for each in _HALLWAY_METHODS)
-            parts.append(f"{words}: {', '.join(shown)}")
-        return f"at {largest['size'].iloc[0]} demonstrations " + "; ".join(parts)
+            shown = (f"{medians[each]:.3f}" for each in _HALLWAY_METHODS)
+            parts.append(f"{words} {', '.join(shown)}")
+        return "; ".join(parts)
 
     return number
 
@@ -91,21 +91,21 @@ def _ascents(table: pd.DataFrame) -> str:
     by_name = table.set_index("ascent")
     lost = by_name["objective"].max() - by_name.loc["gradient", "objective"]
     return (
-        f"{by_name.loc['gradient', 'n_steps']} steps of gradient ascent end {lost:.2f} below the"
-        f" maximum, which the trust region finds in {by_name.loc['trust-region', 'n_steps']}"
+        f"{lost:.2f} below the maximum after {by_name.loc['gradient', 'n_steps']} steps;"
+        f" trust region {by_name.loc['trust-region', 'n_steps']}"
     )
 
 
 def _arrivals(table: pd.DataFrame) -> str:
-    """Titles of the page's table: method, arrived, predicted, mean time, predicted, ..."""
+    """Titles of the page's table: method, arrived, mean time, predicted, trap states."""
     means = table.set_index(0)
-    shown = (f"{name} {means.loc[name, 3]}, {means.loc[name, 4]}" for name in _HALLWAY_METHODS)
-    return f"mean time, predicted: {'; '.join(shown)}"
+    shown = (f"{means.loc[name, 2]}, {means.loc[name, 3]}" for name in _HALLWAY_METHODS)
+    return f"measured, predicted s: {'; '.join(shown)}"
 
 
 def _traps(table: pd.DataFrame) -> str:
-    medians = table.set_index(0)[1]
-    return "median: " + ", ".join(f"{name} {medians[name]}" for name in _HALLWAY_METHODS)
+    medians = table.set_index(0)[4]
+    return f"{', '.join(medians[name] for name in _HALLWAY_METHODS)} of 176"
 
 
 #: By the first cell of a row: the kept table, or one of the hallway's page, and its number.
@@ -127,12 +127,7 @@ NUMBERS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     ),
     "Fig. 4.13": (
         "gridworld-pm",
-        _gridworld(
-            _PM,
-            log_likelihood="log-likelihood",
-            dynamics_divergence="dynamics",
-            transfer_log_likelihood="transfer",
-        ),
+        _gridworld(_PM, log_likelihood="log-likelihood", dynamics_divergence="dynamics"),
     ),
     "Fig. 5.9 a, b": (
         "hallway",
@@ -140,7 +135,7 @@ NUMBERS: dict[str, tuple[str, Callable[[pd.DataFrame], str]]] = {
     ),
     "Fig. 5.9 c": ("hallway", _hallway("dynamics_divergence divergence")),
     "Fig. 5.10": ("arrival", _arrivals),
-    "Fig. 5.11": ("traps", _traps),
+    "Fig. 5.11": ("arrival", _traps),
 }
 
 

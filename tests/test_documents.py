@@ -57,7 +57,6 @@ def test_files_that_documents_name_in_code_exist(root):
 #: Pages whose programs are run by tests of their own, or need what is not installed.
 RUN_ELSEWHERE = {
     "docs/library.md",
-    "docs/people_study.md",
     "serd_core/README.md",
 }
 

@@ -1,11 +1,10 @@
-"""docs/scenarios.md: its example is a scenario, and it names every key.
-
-That its tables are those of the models is tested in tools/test_write_reference.py.
-"""
+"""docs/scenarios.md: its example is a scenario. docs/scenario_keys.yaml: it has every key."""
 
 import re
+from typing import Any
 
 import pytest
+import yaml
 
 from serd_sim.scenario.grid import navigation_problem_of
 from serd_sim.scenario.scenario import Scenario, load_scenario
@@ -29,10 +28,25 @@ def test_its_example_and_its_parameters_of_the_planner_are_a_scenario(document, 
     assert grid.n_states == 12 * 10 - 4 * 2
 
 
-def test_it_names_every_key(document):
+def test_the_file_of_keys_has_each_key_with_the_value_that_counts_where_it_is_not_given(
+    document, root
+):
+    keys = (root / "docs" / "scenario_keys.yaml").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```yaml\n(.*?)```", document, re.DOTALL)
+    given = yaml.safe_load(example)
+    assert Scenario(**filled(yaml.safe_load(keys), given)) == Scenario(**given)
     schema = Scenario.model_json_schema()
-    keys = set(schema["properties"])
-    for part in schema["$defs"].values():
-        keys |= set(part["properties"])
-    missing = {key for key in keys if f"`{key}`" not in document}
-    assert not missing
+    parts = [schema, *schema["$defs"].values()]
+    names = {key for part in parts for key in part["properties"]}
+    assert names == set(re.findall(r"^ *(\w+):", keys, re.MULTILINE))
+
+
+def filled(keys: Any, given: Any) -> Any:
+    """Content of a scenario with the default of each key that it does not give."""
+    if isinstance(keys, list) and keys:
+        return [filled(keys[0], each) for each in given]
+    if not isinstance(keys, dict):
+        return given
+    defaults = {key: {} if isinstance(value, dict) else value for key, value in keys.items()}
+    every = {key: value for key, value in (defaults | given).items() if value is not None}
+    return {key: filled(keys[key], value) for key, value in every.items()}

@@ -1,4 +1,4 @@
-"""Write nodes.yaml, docs/nodes.md and the tables of keys in docs/scenarios.md and docs/sources.md.
+"""Write nodes.yaml, docs/nodes.md, docs/scenario_keys.yaml and the tables of docs/sources.md.
 
 Run `make reference` after changing a setting or the graph.
 """
@@ -6,7 +6,7 @@ Run `make reference` after changing a setting or the graph.
 import re
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import yaml
 from pydantic import BaseModel
@@ -15,8 +15,6 @@ from pydantic_core import PydanticUndefined
 from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
 from serd_files.settings import Setting, settings_of
 from serd_ros.graph.graph import config_of, load_graph
-from serd_sim.planning.settings import PlannerSettings
-from serd_sim.scenario import settings as parts
 from serd_sim.scenario.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -24,14 +22,11 @@ ROOT = Path(__file__).resolve().parents[1]
 Parameters = dict[str, list[tuple[Setting, Any]]]
 #: Models whose tables stand in a page of docs, each after a comment `<!-- keys: NAME -->`.
 PARTS: dict[str, tuple[type[BaseModel], ...]] = {
-    "scenarios.md": (
-        *(Scenario, parts.Obstacle, parts.PedestrianSettings, parts.Loop, parts.RobotSettings),
-        *(parts.LidarSettings, parts.OdometrySettings, PlannerSettings),
-    ),
     "sources.md": (BagMapping, DriveMapping, TableMapping),
 }
 NODES_YAML = ROOT / "ros_ws/src/serd_ros/config/nodes.yaml"
 NODES_PAGE = ROOT / "docs/nodes.md"
+SCENARIO_KEYS = ROOT / "docs/scenario_keys.yaml"
 
 
 def files() -> dict[Path, str]:
@@ -43,24 +38,23 @@ def files() -> dict[Path, str]:
     return {
         NODES_YAML: nodes_yaml(parameters),
         NODES_PAGE: nodes_page(parameters),
+        SCENARIO_KEYS: scenario_keys(),
         **{ROOT / "docs" / name: page_of_keys(name) for name in PARTS},
     }
 
 
 def nodes_yaml(parameters: Parameters) -> str:
     """Parameters with defaults and descriptions as comments, below the present head."""
-    lines = [line for line in NODES_YAML.read_text().splitlines() if line.startswith("#")]
+    lines = head_of(NODES_YAML)
     for node, settings in parameters.items():
         lines += [f"{node}:", "  ros__parameters:"]
         for setting, default in settings:
-            about = "; ".join(filter(None, (setting.description, setting.range)))
-            lines += [f"    # {line}" for line in textwrap.wrap(about, 94)]
-            lines.append(f"    {setting.name}: {plain(default)}")
+            lines += [*comment(setting, "    "), f"    {setting.name}: {plain(default)}"]
     return "\n".join(lines) + "\n"
 
 
 def nodes_page(parameters: Parameters) -> str:
-    """Below the present head for each node its endpoints and a table of its parameters."""
+    """Below the present head for each node its endpoints and its parameters with their defaults."""
     page = NODES_PAGE.read_text(encoding="utf-8").partition("\n## ")[0]
     for node, settings in parameters.items():
         page += f"\n## {node}\n\n"
@@ -68,10 +62,55 @@ def nodes_page(parameters: Parameters) -> str:
             if names:
                 shown = ", ".join(f"`{name}`" for name in names)
                 page += f"- {kind.replace('_', ' ')}: {shown}\n"
-        if live := [f"`{setting.name}`" for setting, _ in settings if setting.live]:
-            page += f"- parameters that may change while it runs: {', '.join(live)}\n"
-        page += "\n" + settings_table("parameter", settings)
+        for kind, is_live in (("parameters", False), ("may change while it runs", True)):
+            names = [
+                f"`{each.name}:={plain(value)}`"
+                for each, value in settings
+                if bool(each.live) == is_live
+            ]
+            page += f"- {kind}: {', '.join(names)}\n" if names else ""
     return page
+
+
+def scenario_keys() -> str:
+    """Keys of a scenario file with defaults and descriptions, below the present head."""
+    return "\n".join([*head_of(SCENARIO_KEYS), "", *key_lines(Scenario, "")]) + "\n"
+
+
+def key_lines(model: type[BaseModel], indent: str) -> list[str]:
+    """The keys of a model, and below a key that holds models the keys of these."""
+    lines = []
+    for each in settings_of(model):
+        annotation = model.model_fields[each.name].annotation
+        inner = [kind for kind in (annotation, *get_args(annotation)) if is_model(kind)]
+        lines += comment(each, indent) if "description" in each.schema else []
+        if inner:
+            items = [f"{indent}  -"] if inner[0] is not annotation else []
+            below = indent + "  " * (1 + len(items))
+            lines += [f"{indent}{each.name}:", *items, *key_lines(inner[0], below)]
+        elif each.default is PydanticUndefined:
+            lines.append(f"{indent}{each.name}:  # required")
+        else:
+            default = "" if each.default is None else f" {plain(each.default)}"
+            lines.append(f"{indent}{each.name}:{default}")
+    return lines
+
+
+def is_model(kind: Any) -> bool:
+    """Whether a type is a model of settings."""
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def head_of(path: Path) -> list[str]:
+    """The comments at the left margin of a generated YAML file before its first key."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return lines[: next(at for at, line in enumerate(lines) if not line.startswith("#"))]
+
+
+def comment(setting: Setting, indent: str) -> list[str]:
+    """Description, unit and range of a setting as lines of YAML comments."""
+    about = "; ".join(filter(None, (setting.description, setting.range)))
+    return [f"{indent}# {line}" for line in textwrap.wrap(about, 98 - len(indent))]
 
 
 def page_of_keys(name: str) -> str:

@@ -34,7 +34,7 @@ _PATIENCE_CELLS = 3.0
 Corners = Sequence[tuple[float, float]]
 _TEXT = """\
 # {source}.
-# Every key may be edited, docs/scenarios.md has them all; `serd scenario show FILE` draws it.
+# Every key may be edited, docs/scenario_keys.yaml has them all; `serd scenario show FILE` draws it.
 name: {name}
 description: {description}
 

@@ -42,7 +42,7 @@ def test_what_is_kept_is_compared_and_a_change_is_found(root, tmp_path, monkeypa
     assert "no results  docs/results/robots.csv" in lines
     assert main(["keep"]) == 0
     assert main(["check"]) == 0
-    assert "10000 steps of gradient ascent" in (tmp_path / "docs" / "thesis.md").read_text()
+    assert "after 10000 steps" in (tmp_path / "docs" / "thesis.md").read_text()
 
 
 @pytest.mark.skipif(version("matplotlib") < "3.11", reason="drawn by matplotlib 3.11")
