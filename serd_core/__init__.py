@@ -12,9 +12,9 @@ import importlib
 from pathlib import Path
 from typing import Any
 
-__version__ = "0.3.0"
+__version__ = "0.4.0"
 
-#: Names of version 0.3.0 that left; CHANGELOG.md has what to use. Version 0.4.0 forgets them.
+#: Names of version 0.3.0 that left; CHANGELOG.md has what to use. Version 0.5.0 forgets them.
 _LEFT = """
 Automatic BandedLu BeliefAroundTruth CovariateModels DwellTimes EntropyPrior GradientAscent Krylov
 Newton NormPrior SparseLu SparseModel ValueIteration adjusted_rand_index arrival_time_distribution

@@ -14,7 +14,7 @@ from serd_bag.errors import FileError
 from serd_bag.standard_output import written_output
 
 INTERRUPTED = 130
-VERSION = "0.3.0"
+VERSION = "0.4.0"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

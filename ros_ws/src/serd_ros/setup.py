@@ -59,7 +59,7 @@ def launch_files() -> list[str]:
 
 setup(
     name=PACKAGE,
-    version='0.3.0',
+    version='0.4.0',
     description='Hallway navigation that learns rewards and dynamics from demonstrations (SERD)',
     license='Apache-2.0',
     packages=[],
