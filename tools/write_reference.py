@@ -1,9 +1,8 @@
-"""Write nodes.yaml, docs/nodes.md, docs/scenario_keys.yaml and the tables of docs/sources.md.
+"""Write nodes.yaml, docs/nodes.md, docs/scenario_keys.yaml and docs/mapping_keys.yaml.
 
 Run `make reference` after changing a setting or the graph.
 """
 
-import re
 import textwrap
 from pathlib import Path
 from typing import Any, get_args
@@ -12,7 +11,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from serd_app.drives.mapping import BagMapping, DriveMapping, TableMapping
+from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_files.settings import Setting, settings_of
 from serd_ros.graph.graph import config_of, load_graph
 from serd_sim.scenario.scenario import Scenario
@@ -20,13 +19,10 @@ from serd_sim.scenario.scenario import Scenario
 ROOT = Path(__file__).resolve().parents[1]
 #: The settings of each node with their defaults.
 Parameters = dict[str, list[tuple[Setting, Any]]]
-#: Models whose tables stand in a page of docs, each after a comment `<!-- keys: NAME -->`.
-PARTS: dict[str, tuple[type[BaseModel], ...]] = {
-    "sources.md": (BagMapping, DriveMapping, TableMapping),
-}
 NODES_YAML = ROOT / "ros_ws/src/serd_ros/config/nodes.yaml"
 NODES_PAGE = ROOT / "docs/nodes.md"
 SCENARIO_KEYS = ROOT / "docs/scenario_keys.yaml"
+MAPPING_KEYS = ROOT / "docs/mapping_keys.yaml"
 
 
 def files() -> dict[Path, str]:
@@ -38,8 +34,8 @@ def files() -> dict[Path, str]:
     return {
         NODES_YAML: nodes_yaml(parameters),
         NODES_PAGE: nodes_page(parameters),
-        SCENARIO_KEYS: scenario_keys(),
-        **{ROOT / "docs" / name: page_of_keys(name) for name in PARTS},
+        SCENARIO_KEYS: keys_file(SCENARIO_KEYS, Scenario),
+        MAPPING_KEYS: keys_file(MAPPING_KEYS, BagMapping, TableMapping),
     }
 
 
@@ -72,9 +68,10 @@ def nodes_page(parameters: Parameters) -> str:
     return page
 
 
-def scenario_keys() -> str:
-    """Keys of a scenario file with defaults and descriptions, below the present head."""
-    return "\n".join([*head_of(SCENARIO_KEYS), "", *key_lines(Scenario, "")]) + "\n"
+def keys_file(path: Path, *models: type[BaseModel]) -> str:
+    """Below the present head a YAML document for each model: its keys, defaults and meanings."""
+    documents = ("\n".join(key_lines(model, "")) for model in models)
+    return "\n".join(head_of(path)) + "\n\n" + "\n---\n".join(documents) + "\n"
 
 
 def key_lines(model: type[BaseModel], indent: str) -> list[str]:
@@ -111,35 +108,6 @@ def comment(setting: Setting, indent: str) -> list[str]:
     """Description, unit and range of a setting as lines of YAML comments."""
     about = "; ".join(filter(None, (setting.description, setting.range)))
     return [f"{indent}# {line}" for line in textwrap.wrap(about, 98 - len(indent))]
-
-
-def page_of_keys(name: str) -> str:
-    """A page of docs with its tables of keys written anew."""
-    page = (ROOT / "docs" / name).read_text(encoding="utf-8")
-    for part in PARTS[name]:
-        # Keys that hold a model have a table of their own, and those of a base are in its table.
-        bases = (base for base in part.__bases__ if base in PARTS[name])
-        inherited = {key for base in bases for key in base.model_fields}
-        keys = [
-            (each, each.default)
-            for each in settings_of(part)
-            if "$ref" not in each.schema and each.name not in inherited
-        ]
-        marker = f"<!-- keys: {part.__name__} -->\n\n"
-        table = marker + settings_table("key", keys)
-        page = re.sub(rf"{marker}(\|.*\n)*", lambda _, text=table: text, page)
-    return page
-
-
-def settings_table(head: str, settings: list[tuple[Setting, Any]]) -> str:
-    """A Markdown table of settings with their defaults."""
-    table = f"| {head} | default | range | meaning |\n| --- | --- | --- | --- |\n"
-    for each, default in settings:
-        shown = "required" if default is PydanticUndefined else f"`{plain(default)}`"
-        shown = "" if default is None else shown  # where it follows from another setting
-        about = each.description.replace("|", "\\|")
-        table += f"| `{each.name}` | {shown} | {each.range} | {about} |\n"
-    return table
 
 
 def plain(value: Any) -> str:

@@ -17,7 +17,7 @@ walkable.
 
 A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
 Of a bag of poses alone the actions are hidden, and 'serd learn' learns from
-the states. docs/sources.md lists all keys of a mapping.
+the states. docs/mapping_keys.yaml lists all keys of a mapping.
 
 Without marks of episodes a lap ends in the goal area of the scenario, at
 a stop or where it turns; the way back from the goal is left out.

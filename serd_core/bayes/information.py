@@ -14,7 +14,7 @@ under the fitted policy, is the D-optimal design of Chaloner and Verdinelli (199
     F = G + P_pi F,     G(s) = Cov_{a ~ pi(s)} dQ(s, a) + sum_{a, s'} pi(a|s) dP dP^T / P
                                + sum_{a, k} pi(a|s) P_m(k) I_d(m,k)
 
-with I_d the information of a dwell time about its law. docs/information.md derives them.
+with I_d the information of a dwell time about its law. docs/information.md has examples.
 """
 
 from dataclasses import dataclass

@@ -7,7 +7,7 @@ gamma is per second. With gamma taken out of K, this is the Bellman equation of 
     Q(s, a) = R(s, a) + gamma sum_k e_m(k) V(s'),    e_m(k) = P_m(k) E[gamma^(tau - 1)]
 
 The local probabilities are the table e, whose rows need not sum to 1; where every move takes one
-second it is P. docs/semi_markov.md has the derivation. The parameters are the energies of the
+second it is P. docs/semi_markov.md has an example. The parameters are the energies of the
 outcomes, then the log mean (s) of each law of dwell times, then the log shape of each.
 
 Some durations are given instead: a decision takes one second in states that nothing leaves, and

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import yaml
 
+from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_ros.graph.graph import config_of, load_graph
 from serd_ros.process.serd_node import validated
 
@@ -23,3 +24,10 @@ def test_nodes_yaml_holds_the_defaults_of_every_node():
     for node, entry in content.items():
         given = validated(node, entry["ros__parameters"], config_of(node))
         assert given == validated(node, {}, config_of(node))
+
+
+def test_each_document_of_the_mapping_keys_is_a_mapping_with_its_defaults():
+    bag, table = yaml.safe_load_all((ROOT / "docs/mapping_keys.yaml").read_text(encoding="utf-8"))
+    assert (BagMapping(**bag), TableMapping(**table)) == (BagMapping(), TableMapping())
+    assert set(bag) == set(BagMapping.model_fields)
+    assert set(table) == set(TableMapping.model_fields)
