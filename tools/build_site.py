@@ -1,13 +1,14 @@
 """Copy documents, and files that they link to, into the folder that MkDocs reads.
 
-Paths stay those of the repository, so that links hold in both. Pages of commands and of Python
-modules are generated from the code.
+Paths stay those of the repository, so that links hold in both. The README alone is overview.md: the
+front page is theme/index.md. Pages of commands, of Python modules and of pictures are generated.
 """
 
 import os
 import re
 import shutil
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,8 @@ from serd_cli.app import COMMANDS, command_named, make_app
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / ".cache" / "site_source"
-_KINDS = ("md", "ipynb", "svg", "png", "gif", "csv", "yaml", "cff")
+THEME = ROOT / "tools" / "theme"
+README = "overview.md"  #: on the site
 #: Packages that are used as libraries, and the folders that they lie in.
 LIBRARIES = {"serd_core": ROOT, "serd_bag": ROOT / "bags"}
 
@@ -50,15 +52,51 @@ def module_pages() -> dict[str, str]:
     return {**pages, "reference/python.md": index}
 
 
+def documents() -> dict[str, str]:
+    """By path on the site: the text of each tracked page and notebook, the README first."""
+    words = ["git", "ls-files", "-z", "*.md", "*.ipynb"]
+    names = subprocess.check_output(words, cwd=ROOT, text=True).split("\0")
+    pages = {README: ""}
+    for name in (name for name in names if (ROOT / name).is_file()):
+        if not (ROOT / name).is_relative_to(THEME):
+            readme = f"]({'../' * name.count('/')}README.md"
+            text = (ROOT / name).read_text(encoding="utf-8")
+            path = README if name == "README.md" else name
+            pages[path] = text.replace(readme, readme.replace("README.md", README))
+    return pages
+
+
+def gallery(pages: Mapping[str, str]) -> str:
+    """Each picture once, with its text as a link to its page (the README if no other has it)."""
+    shown: dict[str, tuple[str, str]] = {}
+    for page, text in pages.items():
+        for words, target in re.findall(r"!\[([^\]]+)\]\(([^)\s]+\.(?:png|gif))\)", text):
+            path = os.path.normpath(Path(page).parent / target)
+            if shown.get(path, (README, ""))[0] == README:
+                shown[path] = page, words[0].upper() + words[1:]
+    rows = (f"- [![]({path}) {words}]({page})\n" for path, (page, words) in shown.items())
+    return f'# Gallery\n\n<div class="gallery" markdown>\n\n{"".join(rows)}\n</div>\n'
+
+
+def linked_files(pages: Mapping[str, str]) -> set[Path]:
+    """Of the repository, pages apart, what the pages link to."""
+    links = {
+        Path(os.path.normpath(Path(page).parent / target))
+        for page, text in pages.items()
+        for target in re.findall(r"\]\(([^)\s#]+)", text)
+    }
+    return {path for path in links if (ROOT / path).is_file() and str(path) not in pages}
+
+
 if __name__ == "__main__":
     os.environ["COLUMNS"] = "100"
     shutil.rmtree(SOURCE, ignore_errors=True)
-    words = ["git", "ls-files", "-z", *(f"*.{kind}" for kind in _KINDS)]
-    names = subprocess.check_output(words, cwd=ROOT, text=True).split("\0")
-    for name in (name for name in names if (ROOT / name).is_file()):
-        (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(ROOT / name, SOURCE / name)
-    for name, text in {"reference/commands.md": commands_page(), **module_pages()}.items():
+    pages = documents()
+    for path in linked_files(pages):
+        (SOURCE / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / path, SOURCE / path)
+    generated = {"gallery.md": gallery(pages), "reference/commands.md": commands_page()}
+    for name, text in {**pages, **generated, **module_pages()}.items():
         (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
         (SOURCE / name).write_text(text, encoding="utf-8")
-    shutil.copytree(ROOT / "tools" / "theme", SOURCE, dirs_exist_ok=True)
+    shutil.copytree(THEME, SOURCE, dirs_exist_ok=True)

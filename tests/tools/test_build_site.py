@@ -33,3 +33,21 @@ def test_each_module_of_the_libraries_is_on_a_page(tool):
     assert linked in pages["reference/python.md"]
     index = (ROOT / "mkdocs.yml").read_text()
     assert "reference/commands.md" in index
+
+
+def test_the_gallery_has_each_picture_once_and_prefers_its_own_page_to_the_readme(tool):
+    pages = {
+        "overview.md": "![seen from above](docs/pictures/a.gif) ![arrival](docs/pictures/b.png)",
+        "docs/how_to/drive.md": "![predicted arrival](../pictures/b.png) ![drawn](../c.svg)",
+    }
+    rows = [line for line in tool["gallery"](pages).splitlines() if line.startswith("- ")]
+    assert rows == [
+        "- [![](docs/pictures/a.gif) Seen from above](overview.md)",
+        "- [![](docs/pictures/b.png) Predicted arrival](docs/how_to/drive.md)",
+    ]
+
+
+def test_files_that_pages_link_to_are_on_the_site_and_links_to_the_readme_hold(tool):
+    pages = tool["documents"]()
+    assert Path("bags/data/record.sh") in tool["linked_files"](pages)
+    assert "](../../overview.md)" in pages["lab/benchmarks/README.md"]
