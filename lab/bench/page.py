@@ -86,23 +86,21 @@ def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
     folder: of bench.csv and bench.png, from that of the page, with its slash.
     """
     table = table_of(rows)
-    reasons = _reasons(rows, absent)
     parts = [
         [INTRODUCTION.read_text()],
         [f"![every method on every task, means with intervals]({folder}bench.png)", ""],
         [f"All numbers, with intervals: [bench.csv]({folder}bench.csv).", ""],
         ["## What joint estimation adds", "", *_gains(table), ""],
         ["## Methods", "", *_by_method(table), ""],
-        ["## Log-likelihood by task", "", *_by_task(table, reasons), ""],
-        [f"- {mark}: {reason}." for reason, mark in _marks(reasons).items()],
-        [f"- *{name}* is not measured: {absent[name]}." for name in TASKS if name in absent],
+        [f"- *{name}* is not measured: {why}." for name, why in absent.items()],
+        list(_refusals(rows)),
         list(_failures(rows)),
     ]
     return "\n".join(chain(*parts)).rstrip() + "\n"
 
 
 def _lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    ruler = "|" + " --- |" * len(heads)
+    ruler = "|" + "---|" * len(heads)
     return [f"| {' | '.join(heads)} |", ruler, *(f"| {' | '.join(row)} |" for row in rows)]
 
 
@@ -136,37 +134,15 @@ def _by_method(table: pd.DataFrame) -> list[str]:
     return _lines(["method", *heads, *COVERAGES, "s, warm", "s, cold"], rows)
 
 
-def _by_task(table: pd.DataFrame, reasons: Mapping[tuple[str, str], str]) -> list[str]:
-    """A row per task and size, a column per method; where there is no number, why."""
-    marks, rows = _marks(reasons), []
-    for (task, size), here in table.groupby(["task", "demonstrations"], sort=False):
-        cells = {row["method"]: row for row in here.to_dict("records")}
-        row = [f"{task}, {size}"]
-        for name, method in METHODS.items():
-            found, reason = cells.get(method.title), reasons.get((task, name))
-            why = f"({marks[reason]})" if reason else "–"
-            mark = found.get("log-likelihood: against SERD", 0) if found else 0
-            row.append(_cell(found, "log-likelihood", mark) if found else why)
-        rows.append(row)
-    return _lines(["task, demonstrations", *(m.title for m in METHODS.values())], rows)
-
-
-def _reasons(rows: Rows, absent: Mapping[str, str]) -> dict[tuple[str, str], str]:
-    """Why a method has no results in a task, by both names."""
-    found = {}
+def _refusals(rows: Rows) -> Iterator[str]:
+    """Which tasks a method does not state, by what it states only."""
+    tasks = dict[tuple[str, str], list[str]]()
     for task, by_method in rows.items():
-        for method in METHODS:
-            refused = [r["refused"] for r in by_method.get(method, ()) if "refused" in r]
-            if refused:
-                found[task, method] = f"states {refused[0]} only"
-            elif method in absent and not by_method.get(method):
-                found[task, method] = absent[method]
-    return found
-
-
-def _marks(reasons: Mapping[tuple[str, str], str]) -> dict[str, str]:
-    """A letter for each reason."""
-    return dict(zip(dict.fromkeys(reasons.values()), "abcdefghijklmnop", strict=False))
+        for method, every in by_method.items():
+            for reason in {row["refused"]: None for row in every if "refused" in row}:
+                tasks.setdefault((method, reason), []).append(task)
+    for (method, reason), without in tasks.items():
+        yield f"- {METHODS[method].title} leaves out {', '.join(without)}: it states {reason} only."
 
 
 def _failures(rows: Rows) -> Iterator[str]:
