@@ -136,6 +136,8 @@ def parse(command, name, words, parent=None):
     [
         ("ros_ws/src/serd_ros/package.xml", r"<version>(.+)</version>"),
         ("ros_ws/src/serd_ros/setup.py", r"version='(.+)'"),
+        ("ros_ws/src/serd_bringup/package.xml", r"<version>(.+)</version>"),
+        ("ros_ws/src/serd_bringup/setup.py", r"version='(.+)'"),
         ("serd_core/__init__.py", r'^__version__ = "(.+)"$'),
         ("CITATION.cff", r"^version: (.+)$"),
         ("CHANGELOG.md", r"^## \[(\d.+)\]"),

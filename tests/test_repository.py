@@ -28,8 +28,9 @@ def test_ci_runs_its_script_on_each_supported_python(root):
     assert any(".ci/run" in step.get("run", "") for step in job["steps"])
 
 
-def test_the_ros_package_is_valid_and_complete_in_its_folder(root):
-    folder, warnings = root / "ros_ws/src/serd_ros", []
+@pytest.mark.parametrize("name", ["serd_ros", "serd_bringup"])
+def test_a_ros_package_is_valid_and_complete_in_its_folder(root, name):
+    folder, warnings = root / "ros_ws/src" / name, []
     package = parse_package(str(folder), warnings=warnings)
     assert not warnings
     assert package.get_build_type() == "ament_python"
@@ -40,10 +41,9 @@ def test_the_ros_package_is_valid_and_complete_in_its_folder(root):
     assert len(keys) == len(set(keys))
 
 
-def test_the_ros_package_depends_on_what_nodes_launch_files_and_topics_use(root):
-    folder = root / "ros_ws/src/serd_ros"
-    package = parse_package(str(folder))
-    nodes, launch_files = root.glob("serd_ros/**/*.py"), folder.glob("launch/*.py")
+def test_ros_packages_depend_on_what_nodes_launch_files_and_topics_use(root):
+    folders = [root / "ros_ws/src" / name for name in ("serd_ros", "serd_bringup")]
+    nodes, launch_files = root.glob("serd_ros/**/*.py"), folders[1].glob("launch/*.py")
     texts = [path.read_text(encoding="utf-8") for path in (*nodes, *launch_files)]
     used = {name for text in texts for name in imported_packages(text)}
     ours = (path.name for each in (".", "sim", "bags") for path in (root / each).iterdir())
@@ -52,7 +52,8 @@ def test_the_ros_package_depends_on_what_nodes_launch_files_and_topics_use(root)
     kinds = [topic_type(topic, stamped_cmd_vel=False) for topic in TYPES]
     used |= {kind.name.partition("/")[0] for kind in kinds}
     assert {"rclpy", "launch", "launch_ros", "nav2_msgs", "tf2_msgs", "yaml"} <= used
-    keys = {each.name.removesuffix("-pip") for each in package.exec_depends}
+    depends = [each for folder in folders for each in parse_package(str(folder)).exec_depends]
+    keys = {each.name.removesuffix("-pip") for each in depends}
     assert {name for name in used if not {name, f"python3-{name}"} & keys} == set()
 
 
@@ -66,17 +67,17 @@ def imported_packages(text):
 
 
 @pytest.mark.parametrize("linter", ["ament_flake8", "ament_pep257"])
-def test_the_ros_package_is_clean_by_the_linters_of_ament(linter, root):
+def test_ros_packages_are_clean_by_the_linters_of_ament(linter, root):
     done = subprocess.run(
         [sys.executable, "-m", f"{linter}.main", "."],
-        cwd=root / "ros_ws/src/serd_ros",
+        cwd=root / "ros_ws/src",
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_each_file_of_the_ros_package_begins_with_the_licence_as_those_of_ros_do(root):
+def test_each_file_of_ros_packages_begins_with_the_licence_as_those_of_ros_do(root):
     """ament_copyright, which no wheel has, compares with the same text."""
 
     def after_owner(path):
@@ -86,7 +87,7 @@ def test_each_file_of_the_ros_package_begins_with_the_licence_as_those_of_ros_do
 
     expected = after_owner(Path(rclpy.lifecycle.node.__file__))
     assert expected[-1] == "# limitations under the License."
-    found = list((root / "ros_ws/src/serd_ros").rglob("*.py"))
+    found = list((root / "ros_ws/src").rglob("*.py"))
     assert len(found) >= 3
     for path in found:
         assert after_owner(path) == expected, path

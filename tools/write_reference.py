@@ -19,7 +19,7 @@ from serd_sim.scenario.scenario import Scenario
 ROOT = Path(__file__).resolve().parents[1]
 #: The settings of each node with their defaults.
 Parameters = dict[str, list[tuple[Setting, Any]]]
-NODES_YAML = ROOT / "ros_ws/src/serd_ros/config/nodes.yaml"
+NODES_YAML = ROOT / "ros_ws/src/serd_bringup/config/nodes.yaml"
 NODES_PAGE = ROOT / "docs/nodes.md"
 SCENARIO_KEYS = ROOT / "docs/scenario_keys.yaml"
 MAPPING_KEYS = ROOT / "docs/mapping_keys.yaml"

@@ -21,7 +21,7 @@ from serd_files.yaml_config import load_yaml_model, save_yaml_model
 from serd_ros.settings import WatchPageConfig
 from serd_sim.scenario.scenario import load_scenario
 
-_LAYOUT = PROJECT / "ros_ws/src/serd_ros/foxglove/serd.json"
+_LAYOUT = PROJECT / "ros_ws/src/serd_bringup/foxglove/serd.json"
 
 
 @dataclass(frozen=True)

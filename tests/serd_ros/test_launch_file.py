@@ -13,7 +13,7 @@ import pytest
 
 from serd_ros.graph.graph import config_of, find_stack, load_graph, stack_parameters
 
-PACKAGE = "ros_ws/src/serd_ros"
+PACKAGE = "ros_ws/src/serd_bringup"
 #: The stack of each file.
 FILES = {
     "simulation": "live",

@@ -53,21 +53,23 @@ def test_a_stack_interrupted_in_lock_step_ends_without_an_error(ros_env, tmp_pat
 
 
 @pytest.mark.slow
-def test_an_archive_of_the_package_builds_and_its_nodes_run(tmp_path, ros_env, monkeypatch):
+def test_archives_of_the_packages_build_and_their_nodes_run(tmp_path, ros_env, monkeypatch):
     workspace = tmp_path / "ros_ws"
-    package = workspace / "src/serd_ros"
-    shutil.copytree(PROJECT / "ros_ws/src/serd_ros", package, symlinks=True)
-    assert not [path for path in package.rglob("*") if path.is_symlink()]
+    bringup = workspace / "src/serd_bringup"
+    for name in ("serd_ros", "serd_bringup"):
+        shutil.copytree(PROJECT / "ros_ws/src" / name, workspace / "src" / name, symlinks=True)
+    assert not [path for path in (workspace / "src").rglob("*") if path.is_symlink()]
     environment = {**os.environ, "PATH": f"{Path(SERD).parent}:{os.environ['PATH']}"}
     build = ["colcon", "build"]
     subprocess.run(build, cwd=workspace, env=environment, check=True, capture_output=True)
     prefix = workspace / "install/serd_ros"
     assert (prefix / "share/ament_index/resource_index/packages/serd_ros").exists()
-    launched = {path.name for path in (prefix / "share/serd_ros/launch").iterdir()}
+    share = workspace / "install/serd_bringup/share/serd_bringup"
+    launched = {path.name for path in (share / "launch").iterdir()}
     assert {"serd.launch.py", "navigate.launch.py", "simulation.launch.py"} < launched
     for folder in ("config", "rviz", "foxglove"):
-        names = {path.name for path in (package / folder).iterdir() if path.is_file()}
-        assert {path.name for path in (prefix / "share/serd_ros" / folder).iterdir()} == names
+        names = {path.name for path in (bringup / folder).iterdir() if path.is_file()}
+        assert {path.name for path in (share / folder).iterdir()} == names
     assert executables_of(prefix, "serd_ros") == sorted(load_graph().nodes)
     monkeypatch.setenv("SERD_WORKSPACE", str(workspace))
     assert find_command("serd_ros", "guard", ros_environment({}))[0].startswith(str(prefix))

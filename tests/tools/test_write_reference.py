@@ -19,7 +19,7 @@ def test_the_committed_reference_is_the_generated_one():
 
 
 def test_nodes_yaml_holds_the_defaults_of_every_node():
-    content = yaml.safe_load((ROOT / "ros_ws/src/serd_ros/config/nodes.yaml").read_text())
+    content = yaml.safe_load((ROOT / "ros_ws/src/serd_bringup/config/nodes.yaml").read_text())
     assert set(content) == set(load_graph().nodes)
     for node, entry in content.items():
         given = validated(node, entry["ros__parameters"], config_of(node))

@@ -13,15 +13,13 @@
 # limitations under the License.
 
 """
-The ROS package: one executable per node, launch files, parameters and layouts.
+The nodes: one executable for each.
 
 The Python code is the distribution `serd`, installed beside it with pip; this package installs no
 module.
 """
 
 from importlib.resources import files as files_of
-from pathlib import Path
-from shutil import copyfile
 
 from setuptools import setup
 import yaml
@@ -29,33 +27,6 @@ import yaml
 PACKAGE = 'serd_ros'
 #: The nodes of the graph, by the distribution `serd` that this build finds.
 NODES = sorted(yaml.safe_load((files_of('serd_ros') / 'graph/graph.yaml').read_text())['nodes'])
-LAUNCH_FILES = (
-    'demonstrate',
-    'learn',
-    'nav2',
-    'navigate',
-    'robot',
-    'robot_nav2',
-    'robot_people',
-    'simulation',
-    'teleop',
-)
-FOLDERS = ('config', 'rviz', 'foxglove')
-
-
-def files(folder: str) -> list[str]:
-    """Return the files of a folder."""
-    return sorted(str(path) for path in Path(folder).glob('*') if path.is_file())
-
-
-def launch_files() -> list[str]:
-    """Return serd.launch.py and its copies, each of which starts the stack of its name."""
-    general, folder = Path('launch/serd.launch.py'), Path('build/launch')
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in LAUNCH_FILES:
-        copyfile(general, folder / f'{name}.launch.py')
-    return [str(general), *files(str(folder))]
-
 
 setup(
     name=PACKAGE,
@@ -68,8 +39,6 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
-        (f'share/{PACKAGE}/launch', launch_files()),
-        *((f'share/{PACKAGE}/{folder}', files(folder)) for folder in FOLDERS),
     ],
     entry_points={
         'console_scripts': [f'{node} = serd_ros.process.executable:main' for node in NODES],

@@ -165,7 +165,7 @@ def shown():
 
 
 def test_rviz_shows_each_topic_by_the_display_of_its_type(root, shown):
-    text = (root / "ros_ws/src/serd_ros/rviz/serd.rviz").read_text()
+    text = (root / "ros_ws/src/serd_bringup/rviz/serd.rviz").read_text()
     manager, found = yaml.safe_load(text)["Visualization Manager"], []
     for each in (*manager["Displays"], *manager["Tools"]):
         shown_by = each["Class"].partition("/")[2]
@@ -182,7 +182,7 @@ def test_rviz_shows_each_topic_by_the_display_of_its_type(root, shown):
 
 
 def test_foxglove_shows_the_same_topics(root, shown):
-    layout = json.loads((root / "ros_ws/src/serd_ros/foxglove/serd.json").read_text())
+    layout = json.loads((root / "ros_ws/src/serd_bringup/foxglove/serd.json").read_text())
     panels = layout["configById"]
     assert {topic.removeprefix("/") for topic in panels["3D!world"]["topics"]} == shown
     assert panels["3D!world"]["publish"]["poseTopic"] == f"/{SENT}"

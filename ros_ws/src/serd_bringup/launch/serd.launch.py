@@ -15,12 +15,12 @@
 """
 Starts a stack of serd_ros/graph/graph.yaml, the description that `serd launch` uses too.
 
-    ros2 launch serd_ros serd.launch.py stack:=live seed:=3
+    ros2 launch serd_bringup serd.launch.py stack:=live seed:=3
 
 Installed under the name of a stack, this file starts that one, with the arguments of its nodes
 alone; under simulation.launch.py it starts the stack `live`:
 
-    ros2 launch serd_ros navigate.launch.py model:=model.yaml
+    ros2 launch serd_bringup navigate.launch.py model:=model.yaml
 
 Every parameter that a node of the stack has is a launch argument; `node.parameter:=value` is that
 of one node. Empty means the stack's own value. Values of `params_file` override those of the
@@ -51,6 +51,7 @@ from serd_ros.graph.graph import (
 )
 import yaml
 
+BRINGUP = 'serd_bringup'
 NAME = Path(__file__).name.partition('.')[0]
 OWN = {
     'namespace': 'of all nodes, and of the clock of a simulator',
@@ -73,7 +74,7 @@ def is_included():
     here = Path(__file__).parent
     ours = {each.name for each in here.glob('*.launch.py')}
     return not any(
-        Path(file).name in ours and (package == PACKAGE or Path(file).resolve().parent == here)
+        Path(file).name in ours and (package == BRINGUP or Path(file).resolve().parent == here)
         for package, file in pairwise(sys.argv)
     )
 
