@@ -16,13 +16,12 @@ from typer.cli import get_docs_for_click
 from typer.main import get_command
 
 from serd_cli.app import COMMANDS, command_named, make_app
+from serd_core import __version__
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / ".cache" / "site_source"
 THEME = ROOT / "tools" / "theme"
 README = "overview.md"  #: on the site
-#: Packages that are used as libraries, and the folders that they lie in.
-LIBRARIES = {"serd_core": ROOT, "serd_bag": ROOT / "bags"}
 
 
 def commands_page() -> str:
@@ -37,18 +36,21 @@ def commands_page() -> str:
     return re.sub(r"(?<=\n\n)(serd .*)(?=\n\n)", r"```bash\n\1\n```", page)
 
 
-def module_pages() -> dict[str, str]:
-    """By path: a page of modules for each folder of the libraries, and the list of pages."""
-    pages, index = {}, "# Python modules\n\n"
-    for library, beside in LIBRARIES.items():
-        for package in sorted((beside / library).rglob("__init__.py")):
-            folder = package.parent.relative_to(beside)
-            names = sorted(path.stem for path in package.parent.glob("[!_]*.py"))
-            if names and not {"build", "dist"} & set(folder.parts):
-                dotted = ".".join(folder.parts)
-                text = "\n\n".join(f"::: {dotted}.{name}" for name in names)
-                pages[f"reference/python/{dotted}.md"] = f"# {dotted}\n\n{text}\n"
-                index += f"- [{dotted}](python/{dotted}.md): {', '.join(names)}\n"
+def python_pages() -> dict[str, str]:
+    """By path: public names of serd_core, modules of serd_bag, and a list of these pages."""
+    stub = (ROOT / "serd_core" / "__init__.pyi").read_text(encoding="utf-8")
+    contents: dict[str, list[str]] = {}
+    for module, name in re.findall(r"from (\S+) import (?:\(\s*)?(\w+) as \2\b", stub):
+        contents.setdefault(".".join(module.split(".")[:2]), []).append(f"{module}.{name}")
+    for path in sorted((ROOT / "bags" / "serd_bag").rglob("[!_]*.py")):
+        folder = ".".join(path.parent.relative_to(ROOT / "bags").parts)
+        contents.setdefault(folder, []).append(f"{folder}.{path.stem}")
+    pages, index = {}, "# Python\n\n"
+    for folder, names in contents.items():
+        text = "\n\n".join(f"::: {name}" for name in names)
+        pages[f"reference/python/{folder}.md"] = f"# {folder}\n\n{text}\n"
+        links = (f"[{name.rsplit('.')[-1]}](python/{folder}.md#{name})" for name in names)
+        index += f"- {folder}: {', '.join(links)}\n"
     return {**pages, "reference/python.md": index}
 
 
@@ -96,7 +98,9 @@ if __name__ == "__main__":
         (SOURCE / path).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / path, SOURCE / path)
     generated = {"gallery.md": gallery(pages), "reference/commands.md": commands_page()}
-    for name, text in {**pages, **generated, **module_pages()}.items():
+    for name, text in {**pages, **generated, **python_pages()}.items():
         (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
         (SOURCE / name).write_text(text, encoding="utf-8")
     shutil.copytree(THEME, SOURCE, dirs_exist_ok=True)
+    front = (THEME / "index.md").read_text(encoding="utf-8")
+    (SOURCE / "index.md").write_text(front.replace("VERSION", __version__), encoding="utf-8")

@@ -1,10 +1,12 @@
 """Pages of the site that are generated from the code."""
 
+import re
 import runpy
 from pathlib import Path
 
 import pytest
 
+import serd_core
 from serd_cli.app import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,10 +28,14 @@ def test_each_command_and_each_of_its_options_has_its_line(tool):
     assert "\n\n```bash\nserd report model.yaml --demonstrations decisions.csv\n```\n\n" in page
 
 
-def test_each_module_of_the_libraries_is_on_a_page(tool):
-    pages = tool["module_pages"]()
-    assert "::: serd_core.learners.serd\n" in pages["reference/python/serd_core.learners.md"]
-    linked = "[serd_bag.formats.mcap](python/serd_bag.formats.mcap.md)"
+def test_public_names_of_the_library_and_modules_of_recordings_are_on_a_page(tool):
+    pages = tool["python_pages"]()
+    page = pages["reference/python/serd_core.learners.md"]
+    assert "::: serd_core.learners.serd.fit_mdce_serd\n" in page
+    assert "certificate" not in page
+    named = set(re.findall(r"::: \S+\.(\w+)", "".join(pages.values())))
+    assert {name for name in dir(serd_core) if not name.startswith("_")} <= named
+    linked = "[scan](python/serd_bag.formats.mcap.md#serd_bag.formats.mcap.scan)"
     assert linked in pages["reference/python.md"]
     index = (ROOT / "mkdocs.yml").read_text()
     assert "reference/commands.md" in index
