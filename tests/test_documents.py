@@ -153,7 +153,7 @@ def test_the_version_is_the_same_everywhere(root, file, line):
 
 def test_the_readme_is_short_and_its_make_targets_exist(root):
     readme, makefile = (root / "README.md").read_text("utf-8"), (root / "Makefile").read_text()
-    assert len(readme.split()) <= 900
+    assert len(readme.split()) <= 710
     blocks = re.findall(r"```bash\n(.*?)```", readme, re.S)
     first = [line.split()[:2] for line in blocks[0].splitlines()]
     assert first == [["make", "demo"], ["make", "test"]]
