@@ -4,9 +4,10 @@ Arrays kept in records are private read-only copies, so a record cannot change a
 What would not fit into memory is refused before it is built.
 """
 
+import difflib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -151,15 +152,34 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"one of type {type(value).__name__}"
 
 
+def require_shape(name: str, array: NDArray[Any], *shapes: Shape) -> None:
+    """SerdError unless an array has one of the shapes, in which None is any size."""
+    for shape in shapes:
+        if len(shape) == array.ndim and all(
+            wanted in (None, size) for wanted, size in zip(shape, array.shape, strict=True)
+        ):
+            return
+    sizes = [", ".join("any" if size is None else str(size) for size in each) for each in shapes]
+    raise SerdError(
+        f"{name} must have shape ({') or ('.join(sizes)}), got {array.shape}; reshape it"
+    )
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """The end of a sentence that names the known name most like a wrong one; empty for none.
+
+    >>> nearest("sofT_polcy", ["soft_policy", "laplace"])
+    '; did you mean soft_policy?'
+    """
+    by_folded = {each.casefold(): each for each in known}
+    close = difflib.get_close_matches(str(name).casefold(), by_folded, n=1)
+    return f"; did you mean {by_folded[close[0]]}?" if close else ""
+
+
 def _frozen(name: str, array: NDArray[Any], shape: Shape | None) -> NDArray[Any]:
     """The array, which cannot be written to; SerdError where it has another shape."""
-    fits = shape is None or (
-        array.ndim == len(shape)
-        and all(wanted in (None, size) for wanted, size in zip(shape, array.shape, strict=True))
-    )
-    if not fits:
-        sizes = ", ".join("any" if size is None else str(size) for size in shape or ())
-        raise SerdError(f"{name} must have shape ({sizes}), got {array.shape}; reshape it")
+    if shape is not None:
+        require_shape(name, array, shape)
     array.flags.writeable = False
     return array
 

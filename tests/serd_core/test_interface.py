@@ -23,6 +23,11 @@ def test_every_name_of_the_stub_is_the_object_of_its_module(root):
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         sc.nothing  # noqa: B018
+    with pytest.raises(AttributeError, match=r"'sofT_polcy'; did you mean soft_policy\?"):
+        sc.sofT_polcy  # noqa: B018
+    names = {}
+    exec("from serd_core import *", names)
+    assert names.keys() - {"__builtins__"} == set(dir(sc))
 
 
 def test_importing_the_package_imports_no_module_of_it():
