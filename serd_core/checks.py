@@ -64,8 +64,8 @@ def number_array(name: str, values: Any) -> NDArray[Any]:
             given = given.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise SerdError(
-            f"{name} must be an array of numbers, which this is not: {error}; pass equally long"
-            " rows of numbers"
+            f"{name} must be an array of numbers, which this is not: {error}{misplaced(values)};"
+            " pass equally long rows of numbers"
         ) from error
     if given.dtype.kind not in "biuf":
         example = given.ravel()[:1].tolist()
@@ -107,16 +107,23 @@ def require_kind(name: str, given: object, kinds: tuple[type, ...], example: str
     if not isinstance(given, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
         raise SerdError(
-            f"{name} must be a {wanted} object, got {shown(given)}; use for example {example}"
+            f"{name} must be a {wanted} object, got {shown(given)}{misplaced(given)}; use for"
+            f" example {example}"
         )
+
+
+def misplaced(given: object) -> str:
+    """A question for an argument that is an object of this package, but not of the right class."""
+    own = type(given).__module__.startswith("serd_core.") or isinstance(given, np.random.Generator)
+    return " (are the arguments in the right order?)" if own else ""
 
 
 def require_generator(rng: object) -> None:
     """SerdError unless `rng` is a generator of NumPy."""
     if not isinstance(rng, np.random.Generator):
         raise SerdError(
-            f"rng must be a numpy.random.Generator, got {shown(rng)};"
-            " use numpy.random.default_rng(0)"
+            f"rng must be a numpy.random.Generator, got {shown(rng)}{misplaced(rng)}; use"
+            " numpy.random.default_rng(0)"
         )
 
 
