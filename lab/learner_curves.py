@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from serd_app.report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW, draw_bars
+from serd_app.report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
+from serd_core import plots
 from serd_core.arrays import FloatArray
 
 
@@ -48,12 +49,9 @@ STYLES = {
 
 def draw_band(axes: Axes, sizes: Sequence[int], curve: Mapping[str, Any], learner: str) -> None:
     """Draw columns `median`, `lower` and `upper` over the sizes: a line with a band around it."""
-    style = STYLES[learner]
-    look = style.arguments | {"markeredgecolor": INK, "markeredgewidth": 0.4}
-    axes.plot(sizes, curve["median"], **look, label=learner)
-    axes.fill_between(
-        sizes, curve["lower"], curve["upper"], color=style.colour, alpha=0.18, linewidth=0
-    )
+    look = STYLES[learner].arguments | {"markeredgecolor": INK, "markeredgewidth": 0.4}
+    band = np.stack([curve[name] for name in ("lower", "median", "upper")])
+    plots.learning_curve(sizes, band, axes, **look, label=learner)
 
 
 def draw_intervals(
@@ -64,7 +62,7 @@ def draw_intervals(
     place: 0 for no shift; curves of neighbouring places do not cover each other's error bars.
     """
     look = STYLES[learner].arguments | {"markersize": 5, "linewidth": 1.4, "elinewidth": 1.0}
-    draw_bars(axes, np.asarray(sizes) * 1.04**place, values, **look, label=learner)
+    plots.intervals(np.asarray(sizes) * 1.04**place, values, axes, **look, label=learner)
 
 
 def tick_sizes(axes: Axes, sizes: Sequence[int]) -> None:

@@ -14,17 +14,6 @@ from typing import Any
 
 __version__ = "0.4.0"
 
-#: Names of version 0.3.0 that left; CHANGELOG.md has what to use. Version 0.5.0 forgets them.
-_LEFT = """
-Automatic BandedLu BeliefAroundTruth CovariateModels DwellTimes EntropyPrior GradientAscent Krylov
-Newton NormPrior SparseLu SparseModel ValueIteration adjusted_rand_index arrival_time_distribution
-choose_expert_types compare_beliefs confidence_interval counted_transitions counterfactual_policy
-credible_intervals decisions_from_columns dynamics_divergence dynamics_draws fit_dwell_times
-fit_expert_types fit_routes learned_transitions load mean_discounted_outcomes multi_start
-posterior_modes renewal_chain sample_posterior save score_test semi_markov_arrival
-two_step_standard_errors vuong_test with_choice_cost
-"""
-
 
 @functools.cache
 def _homes() -> dict[str, str]:
@@ -35,10 +24,16 @@ def _homes() -> dict[str, str]:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__all__":
+        return __dir__()
     home = None if name.startswith("_") else _homes().get(name)
     if home is None:
-        went = "; it left after version 0.3.0 (CHANGELOG.md)" if name in _LEFT.split() else ""
-        raise AttributeError(f"module 'serd_core' has no attribute {name!r}{went}")
+        meant = importlib.import_module("serd_core.checks").nearest(name, __dir__())
+        raise AttributeError(
+            f"module 'serd_core' has no attribute {name!r}{meant}; CHANGELOG.md has names that left"
+        )
+    if home == __name__:  # a module of the interface
+        return importlib.import_module(f"{home}.{name}")
     found = getattr(importlib.import_module(home), name)
     globals()[name] = found
     return found

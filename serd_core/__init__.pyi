@@ -1,5 +1,6 @@
 """Names of the flat interface; docs/library.md describes them."""
 
+from serd_core import plots as plots
 from serd_core.arrival.chain import timed_arrival as timed_arrival
 from serd_core.arrival.law import crps_s as crps_s
 from serd_core.arrival.law import detectable_delay as detectable_delay
@@ -76,3 +77,4 @@ from serd_core.uncertainty.standard_errors import identifiability as identifiabi
 from serd_core.uncertainty.standard_errors import standard_errors as standard_errors
 
 __version__: str
+__all__: list[str]

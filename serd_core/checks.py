@@ -4,9 +4,10 @@ Arrays kept in records are private read-only copies, so a record cannot change a
 What would not fit into memory is refused before it is built.
 """
 
+import difflib
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -63,8 +64,8 @@ def number_array(name: str, values: Any) -> NDArray[Any]:
             given = given.astype(np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise SerdError(
-            f"{name} must be an array of numbers, which this is not: {error}; pass equally long"
-            " rows of numbers"
+            f"{name} must be an array of numbers, which this is not: {error}{misplaced(values)};"
+            " pass equally long rows of numbers"
         ) from error
     if given.dtype.kind not in "biuf":
         example = given.ravel()[:1].tolist()
@@ -106,16 +107,23 @@ def require_kind(name: str, given: object, kinds: tuple[type, ...], example: str
     if not isinstance(given, kinds):
         wanted = " or ".join(kind.__name__ for kind in kinds)
         raise SerdError(
-            f"{name} must be a {wanted} object, got {shown(given)}; use for example {example}"
+            f"{name} must be a {wanted} object, got {shown(given)}{misplaced(given)}; use for"
+            f" example {example}"
         )
+
+
+def misplaced(given: object) -> str:
+    """A question for an argument that is an object of this package, but not of the right class."""
+    own = type(given).__module__.startswith("serd_core.") or isinstance(given, np.random.Generator)
+    return " (are the arguments in the right order?)" if own else ""
 
 
 def require_generator(rng: object) -> None:
     """SerdError unless `rng` is a generator of NumPy."""
     if not isinstance(rng, np.random.Generator):
         raise SerdError(
-            f"rng must be a numpy.random.Generator, got {shown(rng)};"
-            " use numpy.random.default_rng(0)"
+            f"rng must be a numpy.random.Generator, got {shown(rng)}{misplaced(rng)}; use"
+            " numpy.random.default_rng(0)"
         )
 
 
@@ -151,15 +159,34 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"one of type {type(value).__name__}"
 
 
+def require_shape(name: str, array: NDArray[Any], *shapes: Shape) -> None:
+    """SerdError unless an array has one of the shapes, in which None is any size."""
+    for shape in shapes:
+        if len(shape) == array.ndim and all(
+            wanted in (None, size) for wanted, size in zip(shape, array.shape, strict=True)
+        ):
+            return
+    sizes = [", ".join("any" if size is None else str(size) for size in each) for each in shapes]
+    raise SerdError(
+        f"{name} must have shape ({') or ('.join(sizes)}), got {array.shape}; reshape it"
+    )
+
+
+def nearest(name: object, known: Iterable[str]) -> str:
+    """The end of a sentence that names the known name most like a wrong one; empty for none.
+
+    >>> nearest("sofT_polcy", ["soft_policy", "laplace"])
+    '; did you mean soft_policy?'
+    """
+    by_folded = {each.casefold(): each for each in known}
+    close = difflib.get_close_matches(str(name).casefold(), by_folded, n=1)
+    return f"; did you mean {by_folded[close[0]]}?" if close else ""
+
+
 def _frozen(name: str, array: NDArray[Any], shape: Shape | None) -> NDArray[Any]:
     """The array, which cannot be written to; SerdError where it has another shape."""
-    fits = shape is None or (
-        array.ndim == len(shape)
-        and all(wanted in (None, size) for wanted, size in zip(shape, array.shape, strict=True))
-    )
-    if not fits:
-        sizes = ", ".join("any" if size is None else str(size) for size in shape or ())
-        raise SerdError(f"{name} must have shape ({sizes}), got {array.shape}; reshape it")
+    if shape is not None:
+        require_shape(name, array, shape)
     array.flags.writeable = False
     return array
 

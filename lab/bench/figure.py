@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from lab.bench.measure import METHODS
 from lab.bench.page import COVERAGES, SCORES
 from serd_app.report import style
-from serd_app.report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW, draw_bars
+from serd_app.report.style import BLUE, CYAN, GREEN, INK, MUTED, PURPLE, RED, YELLOW
+from serd_core import plots
 
 LOOKS = tuple(zip((BLUE, RED, PURPLE, GREEN, YELLOW, CYAN, INK, MUTED), "o^sDXvPh", strict=True))
 #: Losses below this are drawn here.
@@ -51,7 +52,7 @@ def _draw(axes: Axes, table: pd.DataFrame, name: str, places: list[tuple[str, in
         ends = np.stack([value - half, value, value + half])
         ends = np.clip(ends, 0.0, 1.0) if name in COVERAGES else np.maximum(ends, LEAST)
         look = {"fmt": marker, "color": colour, "markersize": 4.5, "elinewidth": 1.0}
-        draw_bars(axes, at, ends, **look, label=method.title)
+        plots.intervals(at, ends, axes, **look, label=method.title)
     for place in range(1, len(places)):
         axes.axvline(place - 0.5, color=style.HAIRLINE, linewidth=0.7)
     if name in COVERAGES:

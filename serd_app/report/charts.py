@@ -4,7 +4,7 @@ Outcomes are counted beside learned, with what the posterior leaves open.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from serd_app.learning.knowledge import MASS, DynamicsRow
 from serd_app.report import style
 from serd_app.report.inputs import in_words
-from serd_app.report.style import Look, draw_bars, new_figure
+from serd_app.report.style import Look, new_figure
 from serd_bag.quantities import counted
-from serd_core.arrays import FloatArray
-from serd_core.arrival.law import ArrivalLaw, empirical_arrival_cdf, sampling_band
+from serd_core import plots
+from serd_core.arrival.law import ArrivalLaw, EmpiricalArrival, empirical_arrival_cdf
 from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.grid import Outcome
 
@@ -26,39 +26,18 @@ _LEFT_ZERO = 0.005
 _LOOKS = {"predicted": (style.PREDICTED_COLOUR, "--"), "measured": (style.MEASURED_COLOUR, "-")}
 
 
-@dataclass(frozen=True, eq=False)
-class ArrivalCurve:
-    """A step function P(arrived by time) with a pointwise band; all (T,), times increasing."""
-
-    time_s: FloatArray
-    probability: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-
-
-def predicted_curve(predicted: ArrivalLaw, n_episodes: int) -> ArrivalCurve:
-    """Predicted CDF; the band is where the share of `n_episodes` episodes would fall in 95 %.
-
-    It includes what the demonstrations leave open where the model has a posterior.
-    """
-    draws = predicted.cdf if predicted.cdf_draws is None else predicted.cdf_draws
-    lower, upper = sampling_band(draws, n_episodes)
-    return ArrivalCurve(predicted.times_s, predicted.cdf, lower, upper)
-
-
-def measured_curve(arrival_times_s: ArrayLike, timeout_s: float) -> ArrivalCurve:
+def measured_curve(arrival_times_s: ArrayLike, timeout_s: float) -> EmpiricalArrival:
     """Empirical CDF with its exact 95 % confidence band.
 
     arrival_times_s: (N,) of each episode, inf where it did not arrive.
     """
-    empirical = empirical_arrival_cdf(arrival_times_s, np.isinf(arrival_times_s), timeout_s)
-    return ArrivalCurve(empirical.times_s, empirical.cdf, empirical.lower, empirical.upper)
+    return empirical_arrival_cdf(arrival_times_s, np.isinf(arrival_times_s), timeout_s)
 
 
-def time_reaching(curve: ArrivalCurve, share: float) -> float | None:
+def time_reaching(curve: ArrivalLaw | EmpiricalArrival, share: float) -> float | None:
     """First time at which the curve is at or above `share`, None if it never is."""
-    reached = np.flatnonzero(curve.probability >= share - 1e-12)
-    return float(curve.time_s[reached[0]]) if reached.size else None
+    reached = np.flatnonzero(curve.cdf >= share - 1e-12)
+    return float(curve.times_s[reached[0]]) if reached.size else None
 
 
 def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: float) -> float:
@@ -71,7 +50,7 @@ def shown_until_s(predicted: ArrivalLaw, arrival_times_s: ArrayLike, timeout_s: 
     return min(timeout_s, 1.15 * max(latest_s, settled_s))
 
 
-def shown_from_s(*curves: ArrivalCurve) -> float:
+def shown_from_s(*curves: ArrivalLaw | EmpiricalArrival) -> float:
     """Begin of the time axis: a tenth before the first curve leaves zero."""
     starts_s = [time_reaching(curve, _LEFT_ZERO) for curve in curves]
     return 0.9 * min((start_s for start_s in starts_s if start_s is not None), default=0.0)
@@ -85,17 +64,20 @@ def draw_comparison(
     What stays below 1 never arrived in time. recorded_s: times of arrival of the demonstrations.
     """
     n_episodes, recorded = len(np.asarray(arrival_times_s)), np.asarray(recorded_s)
-    law, measured = (
-        predicted_curve(predicted, n_episodes),
-        measured_curve(arrival_times_s, timeout_s),
-    )
+    measured = measured_curve(arrival_times_s, timeout_s)
     until_s = max([shown_until_s(predicted, arrival_times_s, timeout_s), *(1.05 * recorded)])
     with style.report_style():
         figure = new_figure(7.2, 3.9)
         axes = figure.subplots()
-        _draw_curve(axes, law, "predicted", "predicted by the learned model")
-        _draw_curve(axes, measured, "measured", f"measured in {n_episodes} episodes")
-        begin_s = min([shown_from_s(law, measured), *(0.9 * recorded)])
+        for curve, kind, label in (
+            (predicted, "predicted", "predicted by the learned model"),
+            (measured, "measured", f"measured in {n_episodes} episodes"),
+        ):
+            colour, line = _LOOKS[kind]
+            look: Look = {"color": colour, "linestyle": line, "linewidth": 2.0, "label": label}
+            band = f"95 % band, {kind}"
+            plots.arrival(curve, axes, n_episodes=n_episodes, band_label=band, **look)
+        begin_s = min([shown_from_s(predicted, measured), *(0.9 * recorded)])
         _frame(axes, min(begin_s, 0.9 * until_s), until_s)
         _draw_recorded(axes, recorded)
         handles, labels = axes.get_legend_handles_labels()
@@ -119,7 +101,8 @@ def draw_forecasts(
         axes = figure.subplots()
         for number, (name, law) in enumerate(laws.items()):
             colour, line = _FORECAST_LOOKS[number % len(_FORECAST_LOOKS)]
-            axes.step(law.times_s, law.cdf, where="post", color=colour, linestyle=line, label=name)
+            bare = replace(law, cdf_draws=None)  # bands of several would hide each other
+            plots.arrival(bare, axes, color=colour, linestyle=line, label=name)
             half_s = law.quantile_s(0.5)
             if half_s is not None:
                 axes.plot(half_s, 0.5, "o", color=colour, markersize=5)
@@ -136,17 +119,7 @@ def draw_forecasts(
 
 def _frame(axes: Axes, from_s: float, until_s: float) -> None:
     axes.set(xlim=(from_s, until_s), ylim=(0, 1.03), yticks=np.linspace(0, 1, 5))
-    axes.set(xlabel="time since the start in s", ylabel="probability of having arrived")
     axes.grid()
-
-
-def _draw_curve(axes: Axes, curve: ArrivalCurve, kind: str, label: str) -> None:
-    """A curve as steps with its band, in the look of its kind."""
-    colour, line = _LOOKS[kind]
-    shade: Look = {"step": "post", "color": colour, "alpha": 0.18, "linewidth": 0}
-    axes.fill_between(curve.time_s, curve.lower, curve.upper, label=f"95 % band, {kind}", **shade)
-    look: Look = {"where": "post", "color": colour, "linestyle": line, "linewidth": 2.0}
-    axes.step(curve.time_s, curve.probability, label=label, **look)
 
 
 def _draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
@@ -163,8 +136,6 @@ def _draw_recorded(axes: Axes, recorded_s: ArrayLike) -> None:
 
 
 OUTCOME_LABELS = tuple(outcome.name.lower() for outcome in Outcome)
-_BAR_WIDTH = 0.38
-_PLACES = np.arange(len(OUTCOME_LABELS))
 _HATCHED: Look = {
     "color": style.INITIAL_COLOUR, "hatch": "////", "edgecolor": "white", "linewidth": 0,
 }  # fmt: skip
@@ -203,20 +174,20 @@ def _draw_model(axes: Axes, rows: Sequence[DynamicsRow], strength: float) -> Non
     """Both bars with their intervals where known, and numbers above the learned ones."""
     counts = np.array([(row.counted_lower, row.counted, row.counted_upper) for row in rows]).T
     joint = np.array([(row.joint_lower, row.joint, row.joint_upper) for row in rows]).T
-    left, right = _PLACES - _BAR_WIDTH / 2, _PLACES + _BAR_WIDTH / 2
-    axes.bar(left, counts[1], _BAR_WIDTH, label="counted", **_HATCHED)
-    look: Look = {"color": style.BLUE, "alpha": strength, "label": "with the reward's help"}
-    axes.bar(right, joint[1], _BAR_WIDTH, **look)
-    places, ends = np.append(left, right), np.hstack([counts, joint])
-    if (known := np.isfinite(ends).all(axis=0)).any():
-        whiskers: Look = {"fmt": "_", "markersize": 7, "elinewidth": 1.0, "capsize": 2.5}
-        whiskers |= {"label": f"median, {100 * MASS:.0f} % interval"}
-        draw_bars(axes, places[known], ends[:, known], color=style.INK, **whiskers)
+    plots.outcomes(
+        {"counted": counts, "with the reward's help": joint},
+        OUTCOME_LABELS,
+        axes,
+        looks=(_HATCHED, {"color": style.BLUE, "alpha": strength}),
+        interval_label=f"median, {100 * MASS:.0f} % interval",
+    )
     above: Look = {"xytext": (0, 1.5), "textcoords": "offset points", "ha": "center"}
-    for place, probability, top in zip(right, joint[1], np.fmax(joint[1], joint[2]), strict=True):
+    tops = zip(axes.containers[1], joint[1], np.fmax(joint[1], joint[2]), strict=True)
+    for bar, probability, top in tops:
+        place = bar.get_x() + bar.get_width() / 2
         axes.annotate(f"{probability:.2f}".lstrip("0"), (place, top), fontsize=7, **above)
-    axes.set_xticks(_PLACES, OUTCOME_LABELS, fontsize=8)
-    axes.set_ylim(0, 1.08)
+    axes.tick_params(axis="x", labelsize=8)
+    axes.set_ylabel("")
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1.0])
     axes.grid(axis="y")
     axes.tick_params(length=0)

@@ -22,6 +22,7 @@ from serd_app.places.map_scenario import FITTED
 from serd_app.report import style
 from serd_app.report.style import Look, new_figure, save_figure
 from serd_bag.quantities import counted
+from serd_core import plots
 from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.grid.grid import DIRECTION_VECTORS, Action, Grid
 from serd_core.grid.navigation import NO_FLOW
@@ -45,8 +46,8 @@ _LOOKS = ((style.PERSON_COLOUR, "-"), (style.PURPLE, "--"), (style.CYAN, "-."), 
 _LOOPS_BESIDE_M = 0.13
 _ARROW_EVERY_M = 4.0
 _LARGEST_GRID = 4000
-#: Widest shaft of an arrow, and the same in sides of its cell.
-_SHAFT_IN, _SLENDER = 0.016, 0.11
+#: Action of a state without an arrow.
+NO_ARROW = -1
 
 
 def draw_visitation(
@@ -101,7 +102,9 @@ def draw_policy_map(
         low, high = np.percentile(elsewhere if len(elsewhere) else value, [2, 98])
         norm = Normalize(low, high) if high > low else Normalize(low - 0.5, low + 0.5)
         figure, axes, cells = cell_map(grid, scenario, value, norm, style.VALUE_MAP)
-        draw_arrows(axes, grid, greedy, np.isin(np.arange(grid.n_states), goal_states), trapped)
+        shown = greedy.copy()
+        shown[goal_states] = NO_ARROW
+        plots.policy(shown, grid, axes, colours=_inks(trapped))
         outline_traps(axes, grid, trapped)
         colour_bar_below(
             figure, axes, cells, "value of the cell (discounted reward)", extend="both"
@@ -113,28 +116,6 @@ def draw_policy_map(
             else "every arrow leads to the goal"
         )
     return figure
-
-
-def draw_arrows(
-    axes: Axes, grid: Grid, greedy: IntArray, is_goal: BoolArray, trapped: BoolArray
-) -> None:
-    """Arrows of the moves and dots of the waits of a greedy policy (S,), red where trapped."""
-    rows, columns = grid.walkable.shape
-    panel = axes.get_window_extent()
-    cell_in = min(panel.width / columns, panel.height / rows) / axes.figure.dpi
-    width_in = min(_SHAFT_IN, _SLENDER * float(cell_in))
-    moving = (greedy != Action.WAIT) & ~is_goal
-    waiting = (greedy == Action.WAIT) & ~is_goal
-    colours = np.where(trapped, style.RED, style.INK)
-    shift = 0.8 * grid.cell_size_m * DIRECTION_VECTORS[greedy[moving]]
-    tail = grid.centers_m[moving] - shift / 2
-    if moving.any():
-        heads = {"headwidth": 4.5, "headlength": 4.5, "headaxislength": 4.0}
-        look = {"color": colours[moving].tolist(), "zorder": 5, "gid": "greedy moves"}
-        scale: Look = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches"}
-        axes.quiver(*tail.T, *shift.T, width=width_in, **scale, **heads, **look)
-    x, y = grid.centers_m[waiting].T
-    axes.scatter(x, y, s=1000 * width_in, c=colours[waiting].tolist(), zorder=5, gid="greedy waits")
 
 
 def draw_flow_map(
@@ -157,7 +138,7 @@ def draw_flow_map(
         norm = Normalize(0, 1)
         figure, axes, cells = cell_map(grid, scenario, order, norm, style.VALUE_MAP, areas=False)
         arrows = np.where(flow == NO_FLOW, int(Action.WAIT), flow)
-        draw_arrows(axes, grid, arrows, np.zeros(grid.n_states, dtype=bool), differing)
+        plots.policy(arrows, grid, axes, colours=_inks(differing))
         colour_bar_below(figure, axes, cells, "1: all walk the same way, 0: they cancel")
         title = f"flow known in {int((flow != NO_FLOW).sum())} of {len(flow)} cells"
         if scenario_flow is not None:
@@ -196,7 +177,8 @@ def _draw_cells(axes: Axes, scenario: Scenario) -> None:
     cells = scenario.cells
     if cells.walkable.sum() > _LARGEST_GRID:
         return
-    squares = cell_squares(cells.centers_m, cells.cell_size_m)
+    side_m, corners_m = cells.cell_size_m, cells.centers_m - cells.cell_size_m / 2
+    squares = [Rectangle(corner, side_m, side_m) for corner in corners_m]
     look: Look = {"facecolor": "none", "edgecolor": style.HAIRLINE, "linewidth": 0.6, "zorder": 1}
     axes.add_collection(PatchCollection(squares, **look))
 
@@ -260,14 +242,14 @@ def cell_map(
         figure, axes = map_figure(scenario)
         if areas:
             draw_areas(axes, scenario, filled=False)
-    look: Look = {"edgecolor": "#ffffff", "linewidth": 0.4, "zorder": 1}
-    squares = cell_squares(grid.centers_m, grid.cell_size_m)
-    cells = PatchCollection(squares, cmap=colour_map, norm=norm, **look)
-    cells.set_array(np.asarray(values, dtype=np.float64))
-    axes.add_collection(cells)
-    if scenario is None:
-        axes.autoscale_view()
+    plots.values(values, grid, axes, label="", cmap=colour_map, norm=norm, alpha=None)
+    (cells,) = (each for each in axes.collections if isinstance(each, PatchCollection))
     return figure, axes, cells
+
+
+def _inks(marked: BoolArray) -> list[str]:
+    """Colour of the arrow of each state (S,), red where it is marked."""
+    return [style.RED if each else style.INK for each in marked]
 
 
 def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
@@ -278,7 +260,6 @@ def _fitted_figure(grid: Grid) -> tuple[Figure, Axes]:
     )
     figure = new_figure(float(width_in) + _ROOM_IN, float(height_in) + _ROOM_IN)
     axes = figure.subplots()
-    axes.set(aspect="equal", xlabel="x in m", ylabel="y in m")
     return figure, axes
 
 
@@ -297,11 +278,6 @@ def draw_areas(axes: Axes, scenario: Scenario, *, filled: bool) -> None:
         axes.add_patch(Polygon(polygon, gid=f"area {name}", label=label, **look))
         if filled:
             _label_area(axes, name, polygon, colour, floor)
-
-
-def cell_squares(centers_m: FloatArray, side_m: float) -> list[Rectangle]:
-    """The square around each of the (N, 2) centres."""
-    return [Rectangle((x - side_m / 2, y - side_m / 2), side_m, side_m) for x, y in centers_m]
 
 
 def colour_bar_below(

@@ -10,14 +10,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from numpy.typing import ArrayLike
 
 from serd_bag.files import atomic_write_bytes
 
@@ -95,14 +92,6 @@ def new_figure(width_in: float, height_in: float) -> Figure:
         figure = Figure(figsize=(width_in, height_in), layout="constrained")
         FigureCanvasAgg(figure)
     return figure
-
-
-def draw_bars(axes: Axes, at: ArrayLike, values: ArrayLike, **look: Any) -> None:
-    """Error bars of (3, n) lower ends, values and upper ends; look: as `Axes.errorbar` has it."""
-    ends = np.asarray(values, dtype=np.float64)
-    with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
-        lengths = np.diff(ends, axis=0)
-    axes.errorbar(at, ends[1], yerr=lengths, **look)
 
 
 def png_bytes(figure: Figure) -> bytes:

@@ -31,9 +31,11 @@ from scipy.special import gammainc, gammainccinv
 
 from serd_core import checks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.display import Record
 from serd_core.dynamics.transition_model import transitions_of
 from serd_core.mdp.mdp import Mdp, checked_policy
 from serd_core.mdp.problem import require_problem
+from serd_core.policies.solved_policy import Policy
 from serd_core.semi_markov.models import SemiMarkovModels
 
 
@@ -70,8 +72,8 @@ def policy_chain(
     return scipy.sparse.csr_array((entries, (state, mdp.transitions.successor)), shape=shape)
 
 
-@dataclass(frozen=True, eq=False)
-class ArrivalByState:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArrivalByState(Record):
     """cdf: (n_steps + 1, S) F_n(s); arrival_probability: (S,) of ever arriving.
 
     A step is a decision, or where decisions take time a step of time.
@@ -242,17 +244,22 @@ class RenewalChain:
 
 
 def timed_arrival(
-    problem: GoalProblem, policy: FloatArray, parameters: FloatArray, step_s: float, n_steps: int
+    problem: GoalProblem,
+    policy: Policy | FloatArray,
+    parameters: FloatArray,
+    step_s: float,
+    n_steps: int,
 ) -> ArrivalByState:
     """Probability of having arrived within 0, 1, ... n_steps steps of step_s from each state.
 
-    policy: (S, A); parameters: (N,) of the dynamics, (0,) of known transitions. Where decisions
-    have no dwell times (`semi_markov_problem`), each takes one step. The law is constant after 512
-    steps, or twice as many and so on, where at most a share of 1e-4 arrives later from any state.
+    policy: (S, A), or a `Policy`; parameters: (N,) of the dynamics, (0,) of known transitions.
+    Where decisions have no dwell times (`semi_markov_problem`), each takes one step. The law is
+    constant after 512 steps, or twice as many and so on, where at most a share of 1e-4 arrives
+    later from any state.
     Returns cdf (n_steps + 1, S) and arrival_probability (S,) of ever arriving at `goal_states`.
     SerdError for other shapes, or a law that does not fit into memory.
 
-        arrival = sc.timed_arrival(timed, policy.probabilities, fit.parameters.truth, 0.2, 300)
+        arrival = sc.timed_arrival(timed, policy, fit.parameters.truth, 0.2, 300)
     """
     checks.require_positive("step_s", step_s, "use 0.1")
     checks.require_count("n_steps", n_steps, 0, "the time-out's")
@@ -269,7 +276,7 @@ def timed_arrival(
 
 
 def _timed_chain(
-    problem: GoalProblem, policy: FloatArray, parameters: FloatArray
+    problem: GoalProblem, policy: Policy | FloatArray, parameters: FloatArray
 ) -> tuple["RenewalChain", tuple[FloatArray, FloatArray] | None]:
     """The moves of a policy, and mean (s) and shape (C,) of their classes; None without times."""
     goal, mdp = goal_mask(problem), problem.mdp

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.checks import shown
+from serd_core.display import Record
 from serd_core.errors import SerdError
 
 # A time that was meant to be a step of the law may miss it by rounding.
@@ -26,8 +27,8 @@ def steps_within(time_s: float, step_s: float) -> int:
     return ceil(time_s / step_s - SAME_TIME_S)
 
 
-@dataclass(frozen=True, eq=False)
-class ArrivalLaw:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArrivalLaw(Record):
     """A step function: cdf (n,) from each of times_s (n,) up to the next, 0 before the first.
 
     arrival_probability: of ever arriving, which cdf approaches. cdf_draws: (d, n) of each draw of a
@@ -55,8 +56,8 @@ class ArrivalLaw:
         return replace(self, times_s=self.times_s + delay_s)
 
 
-@dataclass(frozen=True, eq=False)
-class EmpiricalArrival:
+@dataclass(frozen=True, eq=False, repr=False)
+class EmpiricalArrival(Record):
     """Share of episodes that arrived, as a step function with a band.
 
     times_s: (n,) 0, times of arrival, the horizon; cdf, lower, upper: (n,) from each to the next.

@@ -13,15 +13,18 @@ import numpy as np
 
 from serd_core import checks
 from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.display import html_table
 from serd_core.errors import SerdError
 
 COLUMNS = ("episode", "time_s", "state", "action", "next_state")
 #: Marks a decision whose action was not observed.
 HIDDEN = -1
+#: Decisions that a notebook shows.
+FIRST_ROWS = 5
 _Own = TypeVar("_Own", bound="Decisions")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Decisions:
     """What was demonstrated: N decisions, each a state, an action and the state it led to.
 
@@ -60,6 +63,17 @@ class Decisions:
 
     def __len__(self) -> int:
         return len(self.state)
+
+    def __repr__(self) -> str:
+        hidden = f", {self.hidden.sum()} with hidden actions" if self.hidden.any() else ""
+        size = f"{len(self)} decisions in {len(self.episodes)} episodes{hidden}"
+        return f"<{type(self).__name__}: {size}{self.source and ', '}{self.source}>"
+
+    def _repr_html_(self) -> str:
+        columns = self.columns()
+        rows = [*zip(*(each[:FIRST_ROWS].tolist() for each in columns.values()), strict=True)]
+        more = [("...",) * len(columns)] if len(self) > FIRST_ROWS else []
+        return html_table(repr(self)[1:-1], columns, *rows, *more)
 
     def columns(self) -> dict[str, Any]:
         """The columns by name, as `pandas.DataFrame` takes them."""
@@ -189,7 +203,7 @@ def decisions_from_episodes(
 TIMED_COLUMNS = (*COLUMNS, "dwell_s", "censored")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class TimedDecisions(Decisions):
     """N decisions with their dwell times.
 

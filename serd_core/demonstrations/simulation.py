@@ -24,12 +24,13 @@ from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp, checked_distribution, checked_policy
 from serd_core.mdp.problem import Problem
+from serd_core.policies.solved_policy import Policy
 from serd_core.semi_markov.models import require_timed
 
 
 def sample_decisions(
     mdp: Mdp,
-    policy: FloatArray,
+    policy: Policy | FloatArray,
     outcome_probabilities: FloatArray | None = None,
     start_distribution: FloatArray | None = None,
     *,
@@ -40,12 +41,12 @@ def sample_decisions(
 ) -> Decisions:
     """Draw episodes of a policy in an MDP, which end in a final state or after `n_steps`.
 
-    policy: (S, A); outcome_probabilities: (M, K), None for transitions without parameters.
-    start_distribution: (S,); None for a uniform one over the states that are not final. Time counts
-    in decisions. Episodes that start in a final state have no decisions.
+    policy: what `soft_policy` returns, or (S, A); outcome_probabilities: (M, K), None for
+    transitions without parameters. start_distribution: (S,); None for a uniform one over the states
+    that are not final. Time counts in decisions. Episodes that start in a final state have none.
 
         decisions = sc.sample_decisions(
-            problem.mdp, policy.probabilities, table, n_episodes=20, n_steps=50, rng=rng)
+            problem.mdp, policy, table, n_episodes=20, n_steps=50, rng=rng)
     """
     require_kind("mdp", mdp, (Mdp,), "problem.mdp")
     require_count("n_episodes", n_episodes, 1, "100")
@@ -107,7 +108,7 @@ SHORTEST_S = 1e-6
 
 def sample_timed_decisions(
     mdp: Mdp,
-    policy: FloatArray,
+    policy: Policy | FloatArray,
     parameters: FloatArray,
     start_distribution: FloatArray,
     *,

@@ -24,7 +24,7 @@ SUM_TOLERANCE = 1e-9
 IMPOSSIBLE = 1000.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class OutcomeModels(TransitionModel):
     """Dynamics to learn that pairs (s, a) share: M local distributions over K outcomes (5.1).
 
@@ -204,7 +204,7 @@ class OutcomeModels(TransitionModel):
             )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SparseModel(TransitionModel):
     """Known transitions given entry by entry.
 

@@ -28,6 +28,7 @@ import scipy  # loads sparse at its first use
 from serd_core.arrays import BoolArray, FloatArray, IntArray, floored, weighted_counts
 from serd_core.bellman.policy_pattern import PolicyPattern, index_type, policy_pattern, with_numbers
 from serd_core.checks import number_array
+from serd_core.display import Record
 from serd_core.errors import SerdError
 
 #: By which a probability or a sum of them may be off.
@@ -66,7 +67,7 @@ def places_of(wanted: IntArray, keys: IntArray) -> IntArray:
     return np.where(keys[place] == wanted, place, -1)
 
 
-class TransitionModel(ABC):
+class TransitionModel(Record, ABC):
     """Sparse P(s' | s, a) as a smooth function of a parameter vector, empty unless overridden.
 
     available: (S, A) which actions exist in which states; other rows have no entries.

@@ -20,7 +20,14 @@ from typing import ClassVar
 import numpy as np
 
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.checks import float_array, int_array, number_array, require_each, require_index
+from serd_core.checks import (
+    float_array,
+    int_array,
+    nearest,
+    number_array,
+    require_each,
+    require_index,
+)
 from serd_core.dynamics.outcome_models import OutcomeModels
 from serd_core.errors import SerdError
 from serd_core.grid.grid import Action, Grid, Outcome
@@ -201,7 +208,8 @@ def _selected_features(table: dict[str, FloatArray], names: Sequence[str]) -> Fl
     for name in names:
         if name not in table:
             no_flow = "; without a flow of people there is none" if name == SOCIAL_NORM else ""
-            raise SerdError(f"features must be among {', '.join(table)}, got {name!r}{no_flow}")
+            meant = no_flow or nearest(name, table)
+            raise SerdError(f"features must be among {', '.join(table)}, got {name!r}{meant}")
     if not names:
         raise SerdError(f"features must name at least one of {', '.join(table)}, got none")
     return float_array("features", np.stack([table[name] for name in names], axis=2))

@@ -8,6 +8,7 @@ from scipy.special import ndtri
 from serd_core.arrays import FloatArray
 from serd_core.ascent.ascent import AscentResult
 from serd_core.checks import require_kind, require_share
+from serd_core.display import Record, html_table
 from serd_core.errors import SerdError
 from serd_core.policies.solved_policy import PolicyModel
 from serd_core.posterior.beliefs import Belief
@@ -37,8 +38,8 @@ class Assumptions:
         return self.prior + self.belief.prior
 
 
-@dataclass(frozen=True, eq=False)
-class StandardErrors:
+@dataclass(frozen=True, eq=False, repr=False)
+class StandardErrors(Record):
     """Standard errors; infinite where the data do not identify a number.
 
     free: (n,) of the free numbers, named by `names`; covariance: (n, n) over what is identified.
@@ -62,7 +63,7 @@ class StandardErrors:
         return weights - width, weights + width
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FitResult:
     """Learned rewards and dynamics, and how the fit went.
 
@@ -82,7 +83,8 @@ class FitResult:
     newton_decrement: length of the Newton step at the end, in standard errors; NaN at kinks of a
     likelihood, and where a file has none.
     converged: at a maximum, and the only one around; otherwise the message names the direction that
-    is open. undetermined: directions along which the objective is constant.
+    is open. undetermined: directions along which the objective is constant, or where the fit has
+    converged only the prior of rewards is not.
     residual, error_bound: of the values V at the end, max |T V - V| for the Bellman operator T, and
     a bound of the error of V; NaN where a file has none. assumptions: None where it has none.
     """
@@ -117,7 +119,7 @@ class FitResult:
         errors: of `standard_errors`, which add standard errors and 95 % intervals.
         """
         lines = [
-            f"converged: {'yes' if self.converged else 'no'} ({self.message})",
+            f"converged: {self._state} ({self.message})",
             f"decisions: {self.n_decisions}   steps: {self.n_steps}{self._distance}",
             f"log-likelihood: {self.policy_log_likelihood:.4f} of actions,"
             f" {self.dynamics_log_likelihood:.4f} of transitions,"
@@ -138,6 +140,27 @@ class FitResult:
             header += f"  {title:>{form.partition('.')[0]}}"
             rows = [f"{row}  {value:{form}}" for row, value in zip(rows, values, strict=True)]
         return "\n".join([*lines, header, *rows])
+
+    def __repr__(self) -> str:
+        named = zip(self.feature_names, self.reward_weights, strict=True)
+        weights = ", ".join(f"{name} {weight:.4g}" for name, weight in named)
+        return f"<FitResult: {weights}; {self.n_decisions} decisions; converged: {self._state}>"
+
+    def _repr_html_(self) -> str:
+        head = f"converged: {self._state} ({self.message}); {self.n_decisions} decisions"
+        weights = zip(self.feature_names, self.reward_weights.round(4), strict=True)
+        tables, learned = [html_table(head, ("reward", "weight"), *weights)], self.parameters.truth
+        if learned.size and (table := self.outcome_probabilities).ndim == 2:
+            header = ("model", *(f"outcome {k}" for k in range(table.shape[1])))
+            rows = ((m, *row) for m, row in enumerate(table.round(3)))
+            tables.append(html_table("outcome probabilities", header, *rows))
+        return "".join(tables)
+
+    @property
+    def _state(self) -> str:
+        if self.converged:
+            return "in what decisions determine" if self.undetermined else "yes"
+        return "no"
 
     @property
     def _distance(self) -> str:

@@ -35,7 +35,7 @@ from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.start import reward_names, reward_search
 from serd_core.mdp.problem import Problem, require_problem
-from serd_core.policies.solved_policy import MdcePolicy
+from serd_core.policies.solved_policy import MdcePolicy, Policy
 
 #: What bounds or determines the weights.
 THRESHOLDS = "give thresholds above 0"
@@ -46,7 +46,7 @@ def fit_relative_entropy_irl(
     decisions: Decisions,
     *,
     samples: Decisions,
-    sampling_policy: FloatArray,
+    sampling_policy: Policy | FloatArray,
     thresholds: FloatArray,
     initial_weights: FloatArray | None = None,
     rng: np.random.Generator | None = None,
@@ -73,7 +73,7 @@ def fit_relative_entropy_irl(
     Returns a `FitResult`; raises SerdError for hidden actions and wrong arguments.
 
         fit = sc.fit_relative_entropy_irl(
-            problem, decisions, samples=samples, sampling_policy=policy.probabilities,
+            problem, decisions, samples=samples, sampling_policy=policy,
             thresholds=sc.hoeffding_thresholds(problem, 30), rng=rng)
     """
     checks.require_positive("largest_weight", largest_weight, "use 100")
@@ -211,11 +211,12 @@ class _BoundedAscent(Ascent):
 
 
 def importance_log_weights(
-    problem: Problem, samples: Decisions, sampling_policy: FloatArray
+    problem: Problem, samples: Decisions, sampling_policy: Policy | FloatArray
 ) -> FloatArray:
     """(N,) log U_Q(tau) - log U_a(tau) of each sampled trajectory, Q being uniform."""
     available = problem.mdp.available
-    made_by = checks.float_array("sampling_policy", sampling_policy, available.shape)
+    given = getattr(sampling_policy, "probabilities", sampling_policy)
+    made_by = checks.float_array("sampling_policy", given, available.shape)
     chosen = made_by[samples.state, samples.action]
     if (bad := np.flatnonzero(~(chosen > 0))).size:
         first = int(bad[0])

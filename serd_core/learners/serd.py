@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from serd_core.arrays import FloatArray
+from serd_core.arrays import FloatArray, described
 from serd_core.ascent.ascent import LBFGS, Ascent, StepCallback
 from serd_core.ascent.kinked import KinkedAscent
 from serd_core.bayes.strengths import PriorByEvidence, fit_by_evidence
@@ -26,12 +26,14 @@ from serd_core.learners.start import (
     TIED,
     dynamics_or_estimate,
     initial_weights_or_sample,
+    reward_names,
     starting_parameters,
 )
 from serd_core.mdp.problem import Problem
 from serd_core.policies.solved_policy import MdcePolicy, PolicyMatchingPolicy, PolicyModel
 from serd_core.posterior.beliefs import Belief, FixedBelief
 from serd_core.posterior.coordinates import LogPosterior, free_numbers
+from serd_core.posterior.hessian import idle_weights
 from serd_core.posterior.posterior import Posterior, require_possible
 from serd_core.priors.divergence import require_outcome_models
 from serd_core.priors.prior import Prior, UniformPrior
@@ -97,6 +99,12 @@ def fit_serd(
         policy_model, belief, prior, by_likelihood=True, open_strengths=open_strengths
     )
     ascended = replace(ascended, objective=final.objective)
+    if ascended.converged and not undetermined:
+        idle = idle_weights(posterior, parameters, final)
+        undetermined = tuple(described(each, reward_names(problem)) for each in idle)
+        if undetermined:
+            message = f"{ascended.message}; the prior alone determines {'; '.join(undetermined)}"
+            ascended = replace(ascended, message=message)
     tables = local(parameters.truth), local(parameters.belief), local(start.truth)
     return fit_result(posterior, assumptions, parameters, final, ascended, tables, undetermined)
 

@@ -16,6 +16,7 @@ from serd_core.ascent.trust_region import NewtonAscent
 from serd_core.checks import float_array, shown
 from serd_core.demonstrations.decisions import Decisions
 from serd_core.demonstrations.observations import observe
+from serd_core.display import Record
 from serd_core.errors import SerdError
 from serd_core.learners.certificate import judged_weights
 from serd_core.learners.start import (
@@ -33,8 +34,8 @@ from serd_core.priors.prior import UniformPrior
 from serd_core.uncertainty.standard_errors import covariance_of
 
 
-@dataclass(frozen=True, eq=False)
-class SharedRewards:
+@dataclass(frozen=True, eq=False, repr=False)
+class SharedRewards(Record):
     """Weights of highest likelihood over all goals.
 
     reward_weights: (F,); information: (F, F) observed; log_likelihoods: (G,) of each goal.

@@ -6,18 +6,20 @@ transitions. Actions may be unavailable in a state; absorbing states are those n
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from serd_core import checks
 from serd_core.arrays import BoolArray, FloatArray, first_index
+from serd_core.display import Record
 from serd_core.dynamics.outcome_models import SparseModel
 from serd_core.dynamics.transition_model import TransitionModel
 from serd_core.errors import SerdError
 
 
-@dataclass(frozen=True, eq=False)
-class Mdp:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mdp(Record):
     """A discounted Markov decision process whose transitions may still have parameters to learn.
 
     transitions: P(s' | s, a), `OutcomeModels` or what `fixed_transitions` returns; discount: gamma
@@ -88,8 +90,11 @@ SUM_TOLERANCE = 1e-6
 ROUNDING = 1e-9
 
 
-def checked_policy(name: str, values: FloatArray, mdp: Mdp) -> FloatArray:
-    """(S, A) copy of a policy; SerdError naming the first state whose row is no distribution."""
+def checked_policy(name: str, values: Any, mdp: Mdp) -> FloatArray:
+    """(S, A) copy of a policy, given as such or as what `soft_policy` returns; SerdError naming the
+    first state whose row is no distribution.
+    """
+    values = getattr(values, "probabilities", values)
     policy = checks.float_array(name, values, mdp.available.shape)
     allowed = (policy >= -ROUNDING) & (mdp.available | (policy == 0.0))
     rule = "be a probability of an available action"

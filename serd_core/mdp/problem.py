@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from serd_core import checks
 from serd_core.arrays import FloatArray, IntArray
+from serd_core.display import Record
 from serd_core.dynamics.outcome_models import OutcomeModels, SparseModel, fixed_transitions
 from serd_core.errors import SerdError
 from serd_core.mdp.mdp import Mdp
@@ -35,8 +36,8 @@ class Problem(Protocol):
         """(F,) one name per feature."""
 
 
-@dataclass(frozen=True, eq=False)
-class TabularProblem:
+@dataclass(frozen=True, eq=False, repr=False)
+class TabularProblem(Record):
     """What a learner is given besides decisions: an MDP, and features of which rewards are made.
 
     features: (S, A, F); feature_names: (F,), all different. R(s, a) = weights . features[s, a].
@@ -70,8 +71,8 @@ def require_problem(
     """SerdError unless an argument is a problem that `has` an attribute besides its MDP."""
     if not (hasattr(problem, "mdp") and hasattr(problem, has)):
         raise SerdError(
-            f"problem must have an mdp and {has}, got a {type(problem).__name__}; use for example a"
-            f" {example}"
+            f"problem must have an mdp and {has}, got a {type(problem).__name__}"
+            f"{checks.misplaced(problem)}; pass the problem first, for example a {example}"
         )
 
 

@@ -20,6 +20,7 @@ from serd_core.bellman.bellman_solver import (
     boltzmann,
 )
 from serd_core.checks import float_array, require_positive
+from serd_core.display import Record
 from serd_core.dynamics.transition_model import Transitions, transitions_of
 from serd_core.mdp.problem import Problem, require_problem
 
@@ -28,8 +29,8 @@ NEWTON, SOFT = Newton(), SoftBellman()
 _EQUAL, _ROUNDING = 1e-9, 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class Policy:
+@dataclass(frozen=True, eq=False, repr=False)
+class Policy(Record):
     """A policy with the values it was solved from.
 
     value: (S,); q: (S, A), -inf where unavailable; probabilities: (S, A); greedy: (S,) best action.

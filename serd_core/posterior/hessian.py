@@ -122,6 +122,28 @@ def covariance_sum(policy: FloatArray, by_q: FloatArray, weights: FloatArray) ->
     return np.asarray((centred * share).T @ centred)
 
 
+#: Share, squared, of what a weight moves of Q, up to which it moves no choice beyond rounding.
+NO_CHOICE = 1e-20
+#: Eigenvalue of the correlation form up to which a direction moves no choice.
+NO_MOVE = 1e-9
+
+
+def idle_weights(posterior: Posterior, parameters: Parameters, at: PosteriorValue) -> FloatArray:
+    """(g, F) directions of the weights that change no choice in states where one was made.
+
+    Their parts are in the standard errors that each weight would have if the others were known.
+    """
+    found = sensitivities_at(posterior, parameters, at, learns_dynamics=False)
+    log_policy = posterior.policy_model.log_probabilities(parameters.policy, at.solution.q)
+    visits = at.expected.observations.state_action.sum(axis=1)
+    information = covariance_sum(np.exp(log_policy), found.by_q, visits)
+    most = visits.sum() * np.abs(found.by_q).max(axis=(0, 1)) ** 2
+    own = np.diag(information)
+    scale = np.sqrt(np.where(own > NO_CHOICE * most, own, np.where(most > 0, most, 1.0)))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    return np.asarray(vectors.T[values <= NO_MOVE])
+
+
 def dynamics_terms(found: Sensitivities, adjoint: Adjoint, theta: FloatArray) -> FloatArray:
     """(n, n) the terms lambda T_Qtheta dQ (both sides), and lambda T_thetatheta."""
     model, n_features = found.transitions.model, found.features.shape[2]

@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 
 from serd_core.arrays import FloatArray
+from serd_core.display import Record
 
 
 class Block(Enum):
@@ -25,8 +26,8 @@ class Block(Enum):
     POLICY = "policy"
 
 
-@dataclass(frozen=True, eq=False)
-class Parameters:
+@dataclass(frozen=True, eq=False, repr=False)
+class Parameters(Record):
     """Four flat blocks: reward (F,), belief (N,), truth (N,), policy (0,) or (1,)."""
 
     reward: FloatArray

@@ -46,7 +46,7 @@ class DwellLaws(NamedTuple):
     shape: FloatArray
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SemiMarkovModels(OutcomeModels):
     """R rows of M outcome models whose moves take times of D gamma laws.
 

@@ -15,6 +15,7 @@ from serd_core import checks
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions, require_decisions
 from serd_core.demonstrations.observations import taken_transitions
+from serd_core.display import Record
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, require_fit
 from serd_core.mdp.problem import Problem, require_problem
@@ -61,8 +62,8 @@ def clustered_outer_product(
     return np.asarray(len(names) / (len(names) - 1.0) * (sums.T @ sums))
 
 
-@dataclass(frozen=True, eq=False)
-class Bootstrap:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bootstrap(Record):
     """The (n, ...) estimates of resampled decisions, with their spread."""
 
     estimates: FloatArray

@@ -12,7 +12,8 @@ gradient 0; outcome probabilities get theirs by the delta method. M is brought i
 form, D M D with D = diag(M)^(-1/2), which changing units leaves as it is. A diagonal entry that is
 nothing but the rounding of larger numbers is no scale; the size of what cancelled is taken instead.
 Along a null direction all free numbers can move together without changing the likelihood; a
-parameter that one moves has an infinite standard error. Where the model is wrong, or decisions of
+parameter that one moves has an infinite standard error, and so has a reward weight that only its
+prior determines. Where the model is wrong, or decisions of
 an episode depend on each other, the covariance is the sandwich M^-1 B M^-1 of the outer product B
 of scores, summed by decision (White 1982) or by cluster (Liang and Zeger 1986).
 """
@@ -21,10 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from serd_core.arrays import FloatArray, IntArray
+from serd_core.arrays import BoolArray, FloatArray, IntArray
 from serd_core.checks import float_array, require_kind
 from serd_core.demonstrations.decisions import Decisions, TimedDecisions
 from serd_core.demonstrations.observations import observe, taken_transitions
+from serd_core.display import Record
 from serd_core.errors import SerdError
 from serd_core.learners.fit_result import FitResult, StandardErrors, require_fit
 from serd_core.mdp.problem import Problem, require_problem
@@ -32,6 +34,7 @@ from serd_core.posterior.coordinates import free_gauge, free_names, free_scaling
 from serd_core.posterior.hessian import (
     Sensitivities,
     choice_scores,
+    idle_weights,
     outcome_scores,
     posterior_hessian,
     sensitivities_at,
@@ -40,6 +43,9 @@ from serd_core.posterior.hessian import (
 )
 from serd_core.posterior.parameters import Block, Parameters
 from serd_core.posterior.posterior import Posterior, PosteriorValue, move_scores
+
+#: Part of a null direction below which a parameter counts as not moved by it.
+TOUCHED = 1e-6
 
 
 def score_sizes(
@@ -55,8 +61,8 @@ def score_sizes(
     return np.concatenate([by_choice, by_outcome, by_temperature])
 
 
-@dataclass(frozen=True, eq=False)
-class Information:
+@dataclass(frozen=True, eq=False, repr=False)
+class Information(Record):
     """Both information matrices over n free numbers.
 
     names: (n,); observed, outer_product: (n, n); gradient: (n,) of J there, 0 at an optimum.
@@ -66,6 +72,7 @@ class Information:
     outcome model. parameters: where they were taken; jacobian: (all blocks, n).
     key: (N,) transition of each decision, as in `Observations`. scores: (G + T, n) of the distinct
     ones in their order, of TimedDecisions of each decision with its action, and of T hidden moves.
+    idle: (F,) reward weights that no choice determines.
     """
 
     names: tuple[str, ...]
@@ -80,6 +87,7 @@ class Information:
     jacobian: FloatArray
     key: IntArray
     scores: FloatArray
+    idle: BoolArray
 
 
 def fit_information(
@@ -133,6 +141,7 @@ def fit_information(
         jacobian=jacobian,
         key=taken_transitions(problem.mdp, decisions),
         scores=free_scores,
+        idle=np.any(np.abs(idle_weights(posterior, fit.parameters, at)) > TOUCHED, axis=0),
     )
 
 
@@ -284,9 +293,6 @@ def identifiability(information: Information) -> Identifiability:
     return Identifiability(eigenvalues=found.values, null=tuple(null))
 
 
-#: Part of a null direction below which a parameter counts as not moved by it.
-TOUCHED = 1e-6
-
 #: Longest Newton step, in standard errors, of a point that counts as an optimum.
 LONGEST_STEP = 0.1
 #: Eigenvalue of the correlation form of the information below which weights are not determined.
@@ -331,11 +337,12 @@ def standard_errors(
     if meat is not None:
         meat = float_array("meat", meat, covariance.shape)
         covariance = covariance @ meat @ covariance
+    idle = information.idle @ moved[Block.REWARD] != 0
     return StandardErrors(
         names=information.names,
-        free=_errors(np.eye(len(matrix)), found, meat),
+        free=np.where(idle, np.inf, _errors(np.eye(len(matrix)), found, meat)),
         covariance=covariance,
-        reward=_errors(moved[Block.REWARD], found, meat),
+        reward=np.where(information.idle, np.inf, _errors(moved[Block.REWARD], found, meat)),
         outcome_probabilities=_errors(truth, found, meat).reshape(shape),
         believed_outcome_probabilities=_errors(belief, found, meat).reshape(shape),
     )

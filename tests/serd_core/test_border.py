@@ -159,6 +159,26 @@ def test_weights_whose_values_overflow_are_rejected(gridworld, solve):
     assert np.all(np.isfinite(solve(problem, [0.0, 1e298], table).probabilities))
 
 
+def test_arguments_in_another_order_are_named_and_policies_are_taken_as_solved(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    for call in (
+        lambda: sc.fit_mdce_serd(decisions, problem),
+        lambda: sc.clone_behaviour(decisions, problem),
+        lambda: sc.fit_information(problem, decisions, decisions),
+        lambda: sc.soft_policy(problem, decisions),
+        lambda: sc.sample_decisions(problem, [], n_episodes=1, n_steps=1, rng=None),
+    ):
+        with pytest.raises(sc.SerdError, match=r"\(are the arguments in the right order\?\)"):
+            call()
+    table, rngs = gridworld.probabilities, [np.random.default_rng(0) for _ in range(2)]
+    solved = sc.soft_policy(problem, gridworld.weights, table)
+    drawn = [
+        sc.sample_decisions(problem.mdp, policy, table, n_episodes=5, n_steps=9, rng=rng)
+        for policy, rng in zip((solved, solved.probabilities), rngs, strict=True)
+    ]
+    np.testing.assert_array_equal(drawn[0].next_state, drawn[1].next_state)
+
+
 LISTED = [0, 0, 1, 1], [0, 1, 0, 1], [0, 1, 1, 0]
 
 

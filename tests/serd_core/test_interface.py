@@ -4,6 +4,7 @@ import importlib
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,12 +24,33 @@ def test_every_name_of_the_stub_is_the_object_of_its_module(root):
 def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         sc.nothing  # noqa: B018
+    with pytest.raises(AttributeError, match=r"'sofT_polcy'; did you mean soft_policy\?"):
+        sc.sofT_polcy  # noqa: B018
+    names = {}
+    exec("from serd_core import *", names)
+    assert names.keys() - {"__builtins__"} == set(dir(sc))
 
 
 def test_importing_the_package_imports_no_module_of_it():
     code = "import sys, serd_core; print(sum(m.startswith('serd_core.') for m in sys.modules))"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ended.stdout.strip() == "0"
+
+
+def test_records_are_one_line_of_text_and_tables_in_notebooks(gridworld):
+    problem, decisions = gridworld.problem, gridworld.decisions
+    fit = sc.fit_mdce_serd(problem, decisions)
+    policy = sc.soft_policy(problem, fit.reward_weights, fit.outcome_probabilities)
+    information = sc.fit_information(problem, decisions, fit)
+    for record in (problem, problem.mdp, problem.mdp.transitions, decisions, policy, fit):
+        assert len(repr(record)) < 250, repr(record)
+    assert "\n" not in repr((information, sc.standard_errors(problem, information)))
+    n_episodes = len(decisions.episodes)
+    assert f"{len(decisions)} decisions in {n_episodes} episodes" in repr(decisions)
+    assert decisions._repr_html_().count("<tr>") == 7  # header, five decisions, and what is left
+    odd = replace(fit, feature_names=("<b>", "other"))
+    assert "<td>&lt;b&gt;</td>" in odd._repr_html_()
+    assert f"<td>{fit.outcome_probabilities[1, 0]:.3f}</td>" in odd._repr_html_()
 
 
 def blocks_of(path):

@@ -10,10 +10,9 @@ from serd_app.report.charts import (
     draw_comparison,
     draw_outcomes,
     measured_curve,
-    predicted_curve,
 )
 from serd_app.report.style import png_bytes
-from serd_core.arrival.law import ArrivalLaw
+from serd_core.arrival.law import ArrivalLaw, sampling_band
 from serd_core.bayes.information import PRIOR_ONLY
 from serd_core.grid.navigation import MODEL_NAMES
 
@@ -23,12 +22,16 @@ LAW = ArrivalLaw(2.0 * np.arange(4), np.array([0.0, 0.2, 0.6, 0.9]), 1.0)
 def test_the_arrival_figure_draws_both_curves_with_their_bands():
     times_s = [3.0, 5.0, np.inf]
     (axes,) = draw_comparison(LAW, times_s, 60.0).axes
-    curves = predicted_curve(LAW, 3), measured_curve(times_s, 60.0)
+    curves = [
+        (LAW.times_s, LAW.cdf, *sampling_band(LAW.cdf, 3)),
+        [getattr(measured_curve(times_s, 60.0), n) for n in ("times_s", "cdf", "lower", "upper")],
+    ]
     for line, band, curve in zip(axes.lines, axes.collections, curves, strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), curve.time_s)
-        np.testing.assert_array_equal(line.get_ydata(), curve.probability)
+        at, cdf, lower, upper = curve
+        np.testing.assert_array_equal(line.get_xdata(), at)
+        np.testing.assert_array_equal(line.get_ydata(), cdf)
         assert line.get_drawstyle() == "steps-post"
-        assert set(curve.lower) | set(curve.upper) == set(band.get_paths()[0].vertices[:, 1])
+        assert set(lower) | set(upper) == set(band.get_paths()[0].vertices[:, 1])
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert "measured in 3 episodes" in labels
     assert axes.get_xlim() == (0.9 * 2.0, 60.0)  # a tenth before the first arrival
@@ -37,10 +40,10 @@ def test_the_arrival_figure_draws_both_curves_with_their_bands():
 
 def test_the_measured_curve_counts_who_never_arrived():
     measured = measured_curve([3.0, 5.0, np.inf, 5.0], 60.0)
-    assert measured.time_s.tolist() == [0.0, 3.0, 5.0, 60.0]
-    assert measured.probability.tolist() == [0.0, 0.25, 0.75, 0.75]
-    assert (measured.lower <= measured.probability).all()
-    assert (measured.upper >= measured.probability).all()
+    assert measured.times_s.tolist() == [0.0, 3.0, 5.0, 60.0]
+    assert measured.cdf.tolist() == [0.0, 0.25, 0.75, 0.75]
+    assert (measured.lower <= measured.cdf).all()
+    assert (measured.upper >= measured.cdf).all()
 
 
 def bars(figure, panel=0):

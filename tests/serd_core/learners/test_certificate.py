@@ -152,6 +152,22 @@ def test_no_learner_converges_where_weights_run_away_or_are_not_determined(learn
             assert any("reward third" in direction for direction in fit.undetermined)
 
 
+@pytest.mark.parametrize("kind", ["zero", "constant", "sum", "plain"])
+@pytest.mark.parametrize("prior", [None, sc.GaussianPrior(2.0, sc.Block.REWARD)])
+def test_weights_that_only_their_prior_determines_are_named_and_have_no_error(kind, prior):
+    problem, decisions = random_case(kind)
+    zeros = np.zeros(len(problem.feature_names))
+    fit = sc.fit_mdce_serd(problem, decisions, initial_weights=zeros, prior=prior)
+    errors = sc.standard_errors(problem, sc.fit_information(problem, decisions, fit))
+    assert fit.converged
+    assert ("converged: yes" in fit.summary(errors)) == (kind == "plain")
+    assert ("the prior alone determines" in fit.message) == (kind != "plain")
+    assert np.isfinite(errors.reward[:2]).all() == (kind != "sum")
+    if kind != "plain":
+        assert "reward third" in " ".join(fit.undetermined)
+        assert errors.reward[2] == np.inf
+
+
 def test_the_scale_that_rewards_and_temperature_have_in_common_is_named():
     fit = started(by_policy_matching_serd, *random_case("plain"), prior=sc.UniformPrior())
     assert not fit.converged
