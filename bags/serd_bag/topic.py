@@ -10,7 +10,7 @@ from serd_bag.nearest import nearest_name
 
 CDR, ROS1 = "cdr", "ros1"
 #: Of definitions.
-ROS2MSG, ROS1MSG = "ros2msg", "ros1msg"
+ROS2MSG, ROS2IDL, ROS1MSG = "ros2msg", "ros2idl", "ros1msg"
 #: Names of values that rosbag2 keeps with an MCAP channel.
 QOS, TYPE_HASH = "offered_qos_profiles", "topic_type_hash"
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from serd_bag.command.commands import EXIT_CODES, run_command
-from serd_bag.command.options import BAGS, COMMANDS, N_BAGS, OPTIONS, flag_of
+from serd_bag.command.options import BAGS, COMMANDS, N_BAGS, OPTIONS, flags_of
 from serd_bag.files import atomic_write_text
 from serd_bag.quantities import counted
 from serd_cli.errors import UsageError
@@ -59,7 +59,7 @@ def _typed(name: str) -> tuple[Any, Any]:
     kind, default = option.get("type", str), option.get("default")
     found = opt(
         option["help"],
-        flag_of(name),
+        *flags_of(name),
         metavar=option.get("metavar"),
         show_default=default == "none",
     )

@@ -18,12 +18,12 @@ from serd_app.learning.outcome import fit_of_file, load_trace, outcome_files
 from serd_app.report.inputs import FileLink, PhaseTiming, ReportInputs, RunFacts
 from serd_app.report.summary import headline_of
 from serd_app.report.write import summary_rows, write_report
-from serd_bag.messages.fields import messages_of
+from serd_bag.messages.plain import pose_position
+from serd_bag.reader import BagReader
+from serd_bag.topic import topic_named
 from serd_cli.output.demo_folder import DemoFolder, DemoSettings
 from serd_cli.output.terminal import console, facts_table, print_json
 from serd_core.arrays import FloatArray
-from serd_ros.convert.motion import from_pose
-from serd_ros.convert.stamp import stamp_ns
 from serd_ros.endpoints import topics
 from serd_sim.drivers.strategy import load_strategy
 from serd_sim.scenario.scenario import load_scenario
@@ -96,9 +96,11 @@ def report_inputs(
 
 def recorded_tracks_m(bag: Path) -> tuple[FloatArray, ...]:
     """(T, 2) places of the robot in each episode of a bag; the clock jumps between episodes."""
+    reader = BagReader(bag)
     rows = [
-        (stamp_ns(message.header.stamp) * 1e-9, *from_pose(message.pose)[:2])
-        for _, message in messages_of(bag, [topics.ROBOT_POSE])
+        (stamp_ns * 1e-9, x_m, y_m)
+        for message in reader.messages([topic_named(reader.topics, topics.ROBOT_POSE)])
+        for stamp_ns, x_m, y_m in [pose_position(message.data)]
     ]
     _, first = np.unique([row[0] for row in rows], return_index=True)
     found = np.array(rows)[first]

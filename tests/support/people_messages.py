@@ -3,7 +3,7 @@
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from serd_bag.formats.rosbag2.message_types import ADDED
+from serd_bag.formats.rosbag2.message_types import added_types
 from serd_bag.topic import MessageType
 from support.bag_messages import filled
 
@@ -48,8 +48,8 @@ class PeopleMessages:
     def __init__(self, layout=""):
         self.layout = layout
         self.store = get_typestore(Stores.ROS2_JAZZY)
-        for name in ADDED:
-            text = _OLDER.get(layout, {}).get(name, ADDED[name])
+        for name, known in added_types().items():
+            text = _OLDER.get(layout, {}).get(name, known)
             self.store.register(get_types_from_msg(text, name))
 
     def kind(self, name):

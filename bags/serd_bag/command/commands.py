@@ -7,7 +7,7 @@ import json
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -64,6 +64,8 @@ def run_command(name: str, given: Any) -> int:
         output = getattr(given, "output", None)
         if output != _STANDARD:
             return _shown(_PAGES[name](given), given, sys.stdout)
+        if name == "fix-clock":
+            raise BagError("--output must be a folder, which has the stamps as they were, got -")
         given.output = Path(folder) / "output"
         code = _shown(_PAGES[name](given), given, sys.stderr)
         for file in sorted(given.output.glob("*.mcap")):
@@ -108,6 +110,21 @@ def _converted(given: Any) -> Iterator[Page]:
 
     for bag, output in _outputs(given, "mcap"):
         yield _rewrite_page(convert(bag, output, compression=given.compression))
+
+
+def _fixed(given: Any) -> Iterator[Page]:
+    from serd_bag.verbs.fix_clock import fix_clock
+
+    for bag, output in _outputs(given, "fixed"):
+        report = fix_clock(bag, output)
+        if report.senders:
+            page = _rewrite_page(report)
+            of_whom = ", ".join(f"{topic} ({sender})" for topic, sender in report.senders)
+            line = f"{counted(report.n_corrected, 'stamp')} corrected, of {of_whom}"
+            yield replace(page, lines=[*page.lines, line])
+        else:
+            heading = f"{bag}: no clock of a sender is wrong, nothing is written"
+            yield Page(heading, (), [], _values(report, "n_messages"), COMPLETE)
 
 
 def _cut(given: Any) -> Iterator[Page]:
@@ -186,6 +203,7 @@ _PAGES: dict[str, Callable[[Any], Iterator[Page]]] = {
     "info": _contents,
     "check": _checks,
     "convert": _converted,
+    "fix-clock": _fixed,
     "cut": _cut,
     "merge": _merged,
     "cat": _texts,

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from serd_bag.command.commands import BAD_INPUT, EXIT_CODES, run_command
-from serd_bag.command.options import BAGS, COMMANDS, N_BAGS, OPTIONS, flag_of
+from serd_bag.command.options import BAGS, COMMANDS, N_BAGS, OPTIONS, flags_of
 from serd_bag.errors import FileError
 from serd_bag.standard_output import written_output
 
@@ -47,7 +47,7 @@ def _parser() -> argparse.ArgumentParser:
         n_bags = N_BAGS.get(name, "+")
         command.add_argument("bags", metavar="BAG", nargs=n_bags, type=Path, help=BAGS)
         for option in options.split():
-            command.add_argument(flag_of(option), dest=option, **OPTIONS[option])
+            command.add_argument(*flags_of(option), dest=option, **OPTIONS[option])
     return parser
 
 

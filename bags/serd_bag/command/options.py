@@ -25,6 +25,12 @@ COMMANDS = {
         "Messages of ROS 1 become those of ROS 2 with the same fields, all others stay as they"
         " are.",
     ),
+    "fix-clock": (
+        "output json",
+        "correct the stamps of senders whose clocks are wrong, in BAG_fixed",
+        "check names these senders. original_stamps.csv in the new bag has the stamps as they were."
+        " Where no clock is wrong, nothing is written.",
+    ),
     "cut": (_COPYING, "write a part of a bag as a new bag, BAG_cut", ""),
     "merge": (_COPYING, "write several bags as one, by log time, BAG_merged", ""),
     "cat": ("topic without from_s to_s columns", "print messages as JSON lines, or as CSV", ""),
@@ -71,6 +77,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 
 
-def flag_of(option: str) -> str:
+def flags_of(option: str) -> tuple[str, ...]:
     """How an option is written: `from_s` as --from."""
-    return f"--{option.removesuffix('_s').replace('_', '-')}"
+    flag = f"--{option.removesuffix('_s').replace('_', '-')}"
+    return (flag, "-o") if option == "output" else (flag,)

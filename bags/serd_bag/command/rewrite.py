@@ -1,5 +1,6 @@
 """`convert`: any sound bag as an MCAP bag of ROS 2."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -41,18 +42,27 @@ def convert(
     damaged.
     """
     reader = BagReader(source, thorough=True)
-    made: dict[Channel, Channel] = {}
+    made = {channel: _converted(channel) for channel in reader.channels}
     with new_folder(Path(target)) as folder, BagWriter(folder, compression=compression) as writer:
-        for channel in reader.channels:
-            made[channel] = _converted(channel)
-            writer.add_channel(made[channel])
-        for scan, records in reader.walks():
-            for record in records:
-                writer.write_record(_in_cdr(record, made))
-            writer.copy_records(scan)
-        writer.kept = kept_metadata(reader)
+        copy(reader, writer, list(made.values()), lambda record: _in_cdr(record, made))
     damage = tuple(each.sentence() for each in reader.damage)
     return RewriteReport(reader.path, Path(target).resolve(), dict(writer.counts), damage)
+
+
+def copy(
+    reader: BagReader,
+    writer: BagWriter,
+    channels: Sequence[Channel],
+    change: Callable[[Record], Record],
+) -> None:
+    """Write all that a bag holds, and each message as `change` returns it."""
+    for channel in channels:
+        writer.add_channel(channel)
+    for scan, records in reader.walks():
+        for record in records:
+            writer.write_record(change(record))
+        writer.copy_records(scan)
+    writer.kept = kept_metadata(reader)
 
 
 def _converted(channel: Channel) -> Channel:

@@ -1,39 +1,38 @@
 """Checks of a whole recording: damage, counts, gaps, clocks.
 
-The stamp of a message is that of the std_msgs/Header it begins with, or of the first element of the
-array it begins with; its log time is when the recorder received it. `messages.clocks` compares the
-clocks of both: offset, drift and jumps, apart from messages that a link held back.
+The log time of a message is when the recorder received it. `messages.clocks` compares it with the
+stamps of each sender (`messages.stamps`): offset, drift and jumps of the sender's clock, apart from
+messages that a link held back.
 """
 
-import re
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import MOST_FAULTS
-from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.messages.clocks import ClockDifference, FloatArray, clock_difference
-from serd_bag.messages.plain import CDR_HEAD, message_stamp_ns
+from serd_bag.messages.stamps import StampFinder
 from serd_bag.messages.times import AGREEMENT_S
 from serd_bag.quantities import counted
 from serd_bag.reader import BagReader
-from serd_bag.topic import ROS2MSG, Topic, nearest_topic, topics_named
+from serd_bag.topic import Topic, nearest_topic, topics_named
 
 _SECOND_NS = 1_000_000_000
 #: A gap is this many times the usual distance of a topic's messages, and at least this long.
 _GAP_FACTOR, _SHORTEST_GAP_S = 5.0, 0.5
 #: Messages closer together are one burst, or have no stamps and were given the same log time.
 _BURST_S = 1e-3
-#: Messages whose times are kept in memory.
+#: Messages, and stamps, whose times are kept in memory.
 _MOST_COMPARED = 1_000_000
-#: Characters of a definition in which its first field is sought.
-_LONGEST_BEGINNING = 20_000
-_HEADERS = ("std_msgs/Header", "std_msgs/msg/Header", "Header")
+#: Senders of a topic that are told apart, and of those in one sentence.
+_MOST_SENDERS, _MOST_NAMED = 1_000, 5
+#: Wrong clocks that differ by less (s) may be one.
+_ONE_CLOCK_S = 0.1
 _NO_CHECKSUMS = (
     "a part of the bag has no checksums: changed bytes in it cannot be detected; 'serd-bag convert'"
     " adds checksums"
@@ -49,7 +48,7 @@ class TopicCheck:
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    clocks: stamps compared with log times.
+    clocks: of each sender, its stamps compared with log times.
     """
 
     name: str
@@ -64,30 +63,41 @@ class TopicCheck:
     n_log_steps_back: int
     n_stamp_steps_back: int
     stamp_delay_s: tuple[float, float] | None
-    clocks: ClockDifference
+    clocks: dict[str, ClockDifference]
 
 
-def check_topic(
-    topic: Topic, log_ns: "array[int]", stamp_ns: "array[int]", n_further: int = 0
-) -> TopicCheck:
-    """Times of one topic, in the order of the bag; stamps 0 where not set, none without headers.
+@dataclass
+class TopicTimes:
+    """Log times (ns) of messages of a topic in the order of the bag, and log time and stamp of what
+    each sender has sent, but for stamps that are not set."""
 
-    n_further: messages whose times are not given.
-    """
-    logs = np.array(log_ns, dtype=np.int64)
+    log_ns: "array[int]" = field(default_factory=lambda: array("q"))
+    sent_ns: dict[str, tuple["array[int]", "array[int]"]] = field(default_factory=dict)
+
+    def add_stamp(self, sender: str, log_ns: int, stamp_ns: int) -> None:
+        """Add a stamp of a sender; those beyond the first thousand are not told apart."""
+        times = self.sent_ns.get(sender)
+        if times is None:
+            sender = sender if len(self.sent_ns) < _MOST_SENDERS else ""
+            times = self.sent_ns.setdefault(sender, (array("q"), array("q")))
+        times[0].append(log_ns)
+        times[1].append(stamp_ns)
+
+
+def check_topic(topic: Topic, times: TopicTimes, n_further: int = 0) -> TopicCheck:
+    """Check the times of one topic; n_further: messages whose times are not given."""
+    logs = np.array(times.log_ns, dtype=np.int64)
     log_s = logs / _SECOND_NS
     span_s = float(np.ptp(log_s)) if len(log_s) else 0.0
     steps_s: FloatArray = np.diff(logs).astype(np.float64) / _SECOND_NS
     usual_s, rate_hz = _usual(steps_s)
     gap_s = max(_GAP_FACTOR * usual_s, _SHORTEST_GAP_S)
-    stamps = np.array(stamp_ns, dtype=np.int64)
-    sent = stamps > 0
-    sent_logs = logs[: len(stamps)][sent]
-    delay_s = (sent_logs - stamps[sent]) / _SECOND_NS
+    sent = {name: np.array(each, dtype=np.int64) for name, each in sorted(times.sent_ns.items())}
+    delays_s = {name: (log - stamp) / _SECOND_NS for name, (log, stamp) in sent.items()}
     return TopicCheck(
         name=topic.name,
         type_name=topic.type_name,
-        n_messages=len(log_ns) + n_further,
+        n_messages=len(logs) + n_further,
         first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
         last_s=float(log_s.max(initial=0.0)),
         mean_hz=(len(log_s) - 1) / span_s if span_s > _BURST_S else None,
@@ -95,9 +105,17 @@ def check_topic(
         longest_gap_s=float(steps_s.max(initial=0.0)),
         n_gaps=int(np.count_nonzero(steps_s > gap_s)),
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
-        n_stamp_steps_back=int(np.count_nonzero(np.diff(stamps[sent]) < 0)),
-        stamp_delay_s=(float(delay_s.min()), float(delay_s.max())) if len(delay_s) else None,
-        clocks=clock_difference((sent_logs - logs[:1]) / _SECOND_NS, delay_s),
+        n_stamp_steps_back=sum(int((np.diff(stamp) < 0).sum()) for _, stamp in sent.values()),
+        stamp_delay_s=(
+            min(float(each.min()) for each in delays_s.values()),
+            max(float(each.max()) for each in delays_s.values()),
+        )
+        if sent
+        else None,
+        clocks={
+            name: clock_difference(log / _SECOND_NS, delays_s[name])
+            for name, (log, _) in sent.items()
+        },
     )
 
 
@@ -145,8 +163,13 @@ class BagCheck:
         return sum(topic.n_messages for topic in self.topics)
 
 
-def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
-    """Read the whole bag and list its faults; `required`: topics that must have messages.
+def check_bag(
+    path: str | Path, required: Sequence[str] = (), *, most_compared: int = _MOST_COMPARED
+) -> BagCheck:
+    """Read the whole bag and list its faults.
+
+    required: topics that must have messages; most_compared: messages, and stamps, whose times are
+    kept in memory.
 
         check = check_bag("drive", ["robot_pose"])
         print(check.sound, *check.faults, *check.remarks, sep="\\n")
@@ -155,42 +178,39 @@ def check_bag(path: str | Path, required: Sequence[str] = ()) -> BagCheck:
     topic of that name in any namespace.
     """
     reader = BagReader(path, tolerant=True, thorough=True)
-    times = {name: (array("q"), array("q")) for name in reader.topics}
-    places = {name: _stamp_place(topic) for name, topic in reader.topics.items()}
+    times = {name: TopicTimes() for name in reader.topics}
+    finders = {(name, each.type_name): StampFinder(each) for name, each in reader.topics.items()}
     faults: list[str] = []
     further: Counter[str] = Counter()
-    n_compared = n_untimed = 0
+    n_compared = n_stamps = n_untimed = 0
     try:
-        for message in reader.messages():
-            if n_compared == _MOST_COMPARED or message.log_time_ns >> 63:
-                further[message.topic] += 1
-                n_untimed += message.log_time_ns >> 63
+        for topic, type_name, data, log_ns, _ in reader.messages():
+            if max(n_compared, n_stamps) >= most_compared or log_ns >> 63:
+                further[topic] += 1
+                n_untimed += log_ns >> 63
                 continue
             n_compared += 1
-            logs, stamps = times[message.topic]
-            logs.append(message.log_time_ns)
-            place = places[message.topic]
-            if place is not None:
-                stamps.append(_stamp_ns(message.data, place))
+            times[topic].log_ns.append(log_ns)
+            finder = finders.get((topic, type_name))  # a topic may have other types
+            for _, stamp_ns, sender in finder(data) if finder else ():
+                if stamp_ns > 0:
+                    n_stamps += 1
+                    times[topic].add_stamp(sender, log_ns, stamp_ns)
     except BagError as error:
         faults.append(str(error))
     faults += [each.sentence() for each in reader.damage]
     known = sorted(reader.topics.items())
-    topics = tuple(check_topic(topic, *times[name], further[name]) for name, topic in known)
+    topics = tuple(check_topic(topic, times[name], further[name]) for name, topic in known)
     faults += _missing(topics, required)
     remarks = _remarks(topics)
-    remarks += _not_compared(n_untimed, n_compared)
+    if n_untimed:
+        remarks.append(f"{n_untimed} messages have log times below 0 or after 2^63-1 ns")
+    if further.total() > n_untimed:
+        remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
     n_lost = reader.losses.n_messages
     return BagCheck(Path(path), topics, _at_most(faults), _at_most(remarks), n_lost)
-
-
-def _not_compared(n_untimed: int, n_compared: int) -> Iterator[str]:
-    if n_untimed:
-        yield f"{n_untimed} messages have log times below 0 or after 2^63-1 ns"
-    if n_compared == _MOST_COMPARED:
-        yield f"rates, gaps and clocks are those of the first {n_compared} messages"
 
 
 def _at_most(lines: list[str]) -> tuple[str, ...]:
@@ -214,17 +234,41 @@ def _missing(topics: Sequence[TopicCheck], required: Sequence[str]) -> list[str]
 
 def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
     remarks = [f"{topic.name}: {remark}" for topic in topics for remark in _remarks_on(topic)]
-    # Clocks that differ by a constant; that of log times may be the one that differs.
-    compared = [topic for topic in topics if topic.clocks.span_s]
-    ahead_s = [_constant_s(topic.clocks) for topic in compared]
-    if len(compared) > 1 and all(ahead_s) and np.ptp(ahead_s) <= AGREEMENT_S:
-        how_far = _ahead(ahead_s[0])
+    wrong = wrong_clocks(topics)
+    by_clock: dict[tuple[str, str], list[str]] = {}
+    compared = [each for topic in topics for each in topic.clocks.values() if each.span_s]
+    if compared and not wrong and (ahead_s := _constant_s(compared[0])):
+        how_far = _ahead(ahead_s)
         return [*remarks, f"all stamps are {how_far} log times: those of another or simulated time"]
-    return remarks + [
-        f"{topic.name}: stamps are {_ahead(offset_s)} log times: the clock of its sender is wrong"
-        for topic, offset_s in zip(compared, ahead_s, strict=True)
-        if offset_s
-    ]
+    for (name, sender), clocks in wrong.items():
+        levels = f"{round(clocks.offset_s / _ONE_CLOCK_S)}"
+        by_clock.setdefault((name, levels if _constant_s(clocks) else sender), []).append(sender)
+    several = {topic.name for topic in topics if len(topic.clocks) > 1}
+    for (name, _), senders in by_clock.items():
+        more = f" and {len(senders) - _MOST_NAMED} more" if len(senders) > _MOST_NAMED else ""
+        of_whom = f" ({', '.join(senders[:_MOST_NAMED])}{more})" if name in several else ""
+        about = _remark_on_clock(wrong[name, senders[0]])
+        remarks.append(f"{name}{of_whom}: {about}")
+    return remarks
+
+
+def wrong_clocks(topics: Sequence[TopicCheck]) -> dict[tuple[str, str], ClockDifference]:
+    """The clocks that jump, drift or are ahead or behind, by topic and sender.
+
+    None where all are ahead by the same time: that of log times may be the wrong one.
+    """
+    compared = {
+        (topic.name, sender): clocks
+        for topic in topics
+        for sender, clocks in topic.clocks.items()
+        if clocks.span_s
+    }
+    ahead_s = [_constant_s(clocks) for clocks in compared.values()]
+    if len(compared) > 1 and all(ahead_s) and np.ptp(ahead_s) <= AGREEMENT_S:
+        return {}
+    return {
+        key: each for key, each in compared.items() if each.jumps or each.drift or _constant_s(each)
+    }
 
 
 def _constant_s(clocks: ClockDifference) -> float:
@@ -242,19 +286,27 @@ def _remarks_on(topic: TopicCheck) -> Iterator[str]:
         yield f"log time steps back {_times(topic.n_log_steps_back)}"
     if topic.n_stamp_steps_back:
         yield f"stamps step back {_times(topic.n_stamp_steps_back)}"
-    jumps_s = [size_s for _, size_s in topic.clocks.jumps]
-    drift_s, held_s = topic.clocks.drift_s, topic.clocks.held_s
+    held = max(topic.clocks.values(), key=lambda each: each.held_s, default=ClockDifference())
+    if held.held_s:
+        often = _times(held.n_held)
+        yield f"messages were held back {often}, up to {held.held_s:.1f} s, as by a radio link"
+
+
+def _remark_on_clock(clocks: ClockDifference) -> str:
+    parts = []
+    jumps_s = [size_s for _, size_s in clocks.jumps]
     if jumps_s:
         largest_s = max(jumps_s, key=abs)
         way = "forward" if largest_s > 0 else "back"
         often = "" if len(jumps_s) == 1 else f" {_times(len(jumps_s))}, the largest"
-        yield f"stamps jump against log times{often} {way} by {abs(largest_s):.2f} s"
-    if drift_s:
-        way = "ahead of" if drift_s > 0 else "behind"
-        yield f"stamps run {way} log times by {abs(drift_s):.2f} s in {topic.clocks.span_s:.0f} s"
-    if held_s:
-        often = _times(topic.clocks.n_held)
-        yield f"messages were held back {often}, up to {held_s:.1f} s, as by a radio link"
+        parts.append(f"jump against log times{often} {way} by {abs(largest_s):.2f} s")
+    if clocks.drift:
+        way = "ahead of" if clocks.drift > 0 else "behind"
+        drift_s = abs(clocks.drift_s)
+        parts.append(f"run {way} log times by {drift_s:.2f} s in {clocks.span_s:.0f} s")
+    if abs(clocks.offset_s) > AGREEMENT_S and not parts:
+        parts.append(f"are {_ahead(clocks.offset_s)} log times: the clock of its sender is wrong")
+    return f"stamps {' and '.join(parts)}"
 
 
 def _ahead(offset_s: float) -> str:
@@ -263,46 +315,3 @@ def _ahead(offset_s: float) -> str:
 
 def _times(number: int) -> str:
     return "once" if number == 1 else f"{number} times"
-
-
-def _stamp_place(topic: Topic) -> int | None:
-    """Byte of a message at which its stamp is: that of a std_msgs/Header with which it begins, or
-    with which the first element of the array begins that it begins with, as in /tf."""
-    definition = topic.message_type
-    if not definition.text:
-        try:
-            definition = message_type(definition.name)
-        except BagError:
-            return None
-    if definition.encoding != ROS2MSG:
-        return None
-    own, *others = re.split(r"^=+\nMSG: (\S+)\n", definition.text[:_LONGEST_BEGINNING], flags=re.M)
-    kind = _first_kind(own)
-    if kind in _HEADERS:
-        return CDR_HEAD
-    is_array, element = kind.endswith("[]"), kind.removesuffix("[]").replace("/msg/", "/")
-    texts = {
-        name.replace("/msg/", "/"): text
-        for name, text in zip(others[::2], others[1::2], strict=True)
-    }
-    name = next((each for each in texts if each in (element, f"{_package(topic)}/{element}")), None)
-    return 2 * CDR_HEAD if is_array and name and _first_kind(texts[name]) in _HEADERS else None
-
-
-def _package(topic: Topic) -> str:
-    return topic.type_name.partition("/")[0]
-
-
-def _first_kind(text: str) -> str:
-    """Type of the first field of a definition."""
-    fields = (line.split("#")[0].split() for line in text.splitlines())
-    return next((words[0] for words in fields if len(words) >= 2), "")
-
-
-def _stamp_ns(data: bytes, place: int) -> int:
-    if place > CDR_HEAD and not any(data[CDR_HEAD:place]):
-        return 0  # an array without elements
-    try:
-        return message_stamp_ns(data, place)
-    except BagError:
-        return 0

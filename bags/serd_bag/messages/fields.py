@@ -7,7 +7,6 @@ Without one, the nearest message with the fields of a pose or of a velocity is t
 from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
@@ -17,8 +16,7 @@ from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import resolve_type, typestore_of
 from serd_bag.messages.plain import Header, decode, header_of
 from serd_bag.nearest import hint
-from serd_bag.reader import BagReader
-from serd_bag.topic import MessageType, Topic, topics_named
+from serd_bag.topic import MessageType, Topic
 
 _HEADER = "std_msgs/msg/Header"
 _DEEPEST = 6
@@ -92,29 +90,6 @@ def field_reader(
 def store_of(topic: Topic) -> Typestore:
     """The types of a topic: as recorded, else as installed; BagError where there are none."""
     return _store(topic.message_type, topic.name)
-
-
-def messages_of(directory: Path, names: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """(short topic name, message) of these topics in the order they were recorded.
-
-    Raises BagError where the bag is damaged or has no message of one of them.
-    """
-    reader = BagReader(directory)
-    short = {topic: name for name in names for topic in topics_named(reader.topics, name)}
-    stores = {topic: store_of(reader.topics[topic]) for topic in short}
-    missing = set(names)
-    for topic, type_name, data, *_ in reader.messages(short):
-        missing.discard(short[topic])
-        try:
-            message = decode(data, type_name, stores[topic])
-        except BagError as error:
-            raise BagError(f"bag {directory}, {topic}: {error}") from None
-        yield short[topic], message
-    if missing:
-        name = next(each for each in names if each in missing)
-        filled = {topic.rsplit("/", 1)[-1] for topic, *_ in reader.messages()}
-        known = ", ".join(sorted(filled)) or "nothing"
-        raise BagError(f"bag {directory} must hold {name}, it holds {known}; give another bag")
 
 
 @lru_cache(maxsize=32)

@@ -6,7 +6,7 @@ import pytest
 from serd_bag.health.check import check_bag
 from serd_bag.messages.clocks import ClockDifference, clock_difference
 from serd_bag.messages.times import agrees, placed_s
-from support.bag_messages import POSE, TF, write_bag
+from support.bag_messages import POSE, write_bag
 
 STAMP_S = np.arange(600) * 0.1
 AFTER_30_S = np.where(STAMP_S > 30.0, 1.0, 0.0)
@@ -127,15 +127,3 @@ def test_check_reports_clocks_that_differ(tmp_path, messages, clocks, remarks):
     ]
     topics = {f"/{name}": POSE for name in range(len(clocks))}
     assert check_bag(write_bag(tmp_path / "bag", topics, rows)).remarks == remarks
-
-
-def test_the_stamps_of_transforms_are_compared_too(tmp_path, messages):
-    rows = []
-    for number in range(400):
-        time_s = 5000.0 + 0.1 * number
-        rows.append(("/pose", time_s, messages.pose(time_s, 0.0, 0.0)))
-        moved = messages.transform(time_s + 3600.0, "odom", "base", 0.0, 0.0, 0.0)
-        rows.append(("/tf", time_s, moved))
-    check = check_bag(write_bag(tmp_path / "bag", {"/pose": POSE, "/tf": TF}, rows))
-    (remark,) = check.remarks
-    assert remark.startswith("/tf: stamps are 3600.00 s ahead of log times")

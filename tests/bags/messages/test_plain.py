@@ -5,7 +5,6 @@ import math
 import pytest
 
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import messages_of
 from serd_bag.messages.plain import (
     decode,
     diagnostic_array,
@@ -38,8 +37,3 @@ def test_cut_messages_raise_at_every_length(messages):
         for length in range(len(data) - 3):
             with pytest.raises(BagError, match="must"):
                 read(data[:length])
-
-
-def test_messages_of_a_bag_come_decoded_by_their_short_names(small_bag):
-    found = list(messages_of(small_bag(), ["robot_pose"]))
-    assert [message.pose.position.x for _, message in found] == [float(n) for n in range(60)]

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from serd_bag.command.main import main
 from serd_bag.command.rewrite import convert
-from serd_bag.formats.mcap.checksum import wrong_bit
+from serd_bag.formats.mcap.chunks import wrong_bit
 from serd_bag.health.check import check_bag
 from serd_bag.health.contents import contents_of_bag
 from serd_bag.reader import BagReader

@@ -16,53 +16,20 @@ from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
 from serd_bag.nearest import hint
-from serd_bag.topic import ROS2MSG, MessageType
+from serd_bag.topic import ROS1MSG, ROS2IDL, ROS2MSG, MessageType
 
 _SEPARATOR = "=" * 80
 #: Characters of a definition without comments: rosbags takes a second for 10,000.
 _LONGEST_FIELDS = 20_000
 _SAME_PACKAGE = 0.85
-#: Of vehicles and people: common in sqlite3 bags, which hold no definitions, and on robots of
-#: other machines; rosbags does not have them. vision_msgs: that of Humble and later.
-ADDED = {
-    "ackermann_msgs/msg/AckermannDrive": (
-        "float32 steering_angle\nfloat32 steering_angle_velocity\n"
-        "float32 speed\nfloat32 acceleration\nfloat32 jerk\n"
-    ),
-    "ackermann_msgs/msg/AckermannDriveStamped": (
-        "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n"
-    ),
-    "people_msgs/msg/Person": (
-        "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
-        "float64 reliability\nstring[] tagnames\nstring[] tags\n"
-    ),
-    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people\n",
-    "spencer_tracking_msgs/msg/TrackedPerson": (
-        "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"
-        "builtin_interfaces/Duration age\ngeometry_msgs/PoseWithCovariance pose\n"
-        "geometry_msgs/TwistWithCovariance twist\n"
-    ),
-    "spencer_tracking_msgs/msg/TrackedPersons": (
-        "std_msgs/Header header\nspencer_tracking_msgs/TrackedPerson[] tracks\n"
-    ),
-    "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",
-    "vision_msgs/msg/ObjectHypothesisWithPose": (
-        "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n"
-    ),
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size\n",
-    "vision_msgs/msg/Detection3D": (
-        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
-        "vision_msgs/BoundingBox3D bbox\nstring id\n"
-    ),
-    "vision_msgs/msg/Detection3DArray": (
-        "std_msgs/Header header\nvision_msgs/Detection3D[] detections\n"
-    ),
-}
+_ADDED = Path(__file__).with_name("added_types.msg")
+_IDL_HEAD = re.compile(rf"^{_SEPARATOR}\nIDL: .*$", re.M)
 _TYPE_NAME = re.compile(r"\w+/msg/\w+")
 
 
@@ -102,7 +69,7 @@ def message_type(name: str) -> MessageType:
 
 def resolve_type(recorded: MessageType) -> MessageType:
     """Text and hash of a recorded type; BagError where neither bag nor installation has them."""
-    if recorded.text and recorded.encoding == ROS2MSG:
+    if recorded.text and recorded.encoding in (ROS2MSG, ROS2IDL, ROS1MSG):
         return replace(recorded, type_hash=recorded.type_hash or _computed_hash(recorded))
     installed = message_type(recorded.name)
     if recorded.type_hash not in ("", installed.type_hash):
@@ -142,15 +109,28 @@ def share_folders() -> tuple[Path, ...]:
 def rosbags_types() -> Typestore:
     """The message types of ROS 2 Jazzy that rosbags includes, and the added ones."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    for name, text in ADDED.items():
+    for name, text in added_types().items():
         store.register(get_types_from_msg(text, name))
     return store
+
+
+def added_types() -> dict[str, str]:
+    """Definitions of types that rosbags does not have, by name."""
+    texts = _ADDED.read_text("utf-8").split(f"{_SEPARATOR}\nMSG: ")[1:]
+    return {
+        name.replace("/", "/msg/"): text
+        for name, _, text in (each.partition("\n") for each in texts)
+    }
 
 
 def typestore_of(definition: MessageType) -> Typestore:
     """A type store with the type and its dependencies; what rosbags raises for a wrong text."""
     store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(definition.text, definition.name))
+    if definition.encoding == ROS2IDL:
+        for text in _IDL_HEAD.split(definition.text):
+            store.register(get_types_from_idl(text) if text.strip() else {})
+    else:
+        store.register(get_types_from_msg(definition.text, normalize_msgtype(definition.name)))
     return store
 
 
