@@ -43,8 +43,7 @@ _NO_CHECKSUMS = (
 class TopicCheck:
     """Number, rates, gaps and clocks of the messages of one topic.
 
-    mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size;
-    both are None where there are too few messages.
+    mean_hz: from first to last, None where there are too few messages.
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
@@ -57,7 +56,6 @@ class TopicCheck:
     first_s: float
     last_s: float
     mean_hz: float | None
-    rate_hz: float | None
     longest_gap_s: float
     n_gaps: int
     n_log_steps_back: int
@@ -90,10 +88,12 @@ def check_topic(topic: Topic, times: TopicTimes, n_further: int = 0) -> TopicChe
     log_s = logs / _SECOND_NS
     span_s = float(np.ptp(log_s)) if len(log_s) else 0.0
     steps_s: FloatArray = np.diff(logs).astype(np.float64) / _SECOND_NS
-    usual_s, rate_hz = _usual(steps_s)
+    apart_s = steps_s[steps_s > _BURST_S]
+    usual_s = float(np.median(apart_s)) if len(apart_s) else 0.0
     gap_s = max(_GAP_FACTOR * usual_s, _SHORTEST_GAP_S)
     sent = {name: np.array(each, dtype=np.int64) for name, each in sorted(times.sent_ns.items())}
     delays_s = {name: (log - stamp) / _SECOND_NS for name, (log, stamp) in sent.items()}
+    delays = np.concatenate([log_s[:0], *delays_s.values()])
     return TopicCheck(
         name=topic.name,
         type_name=topic.type_name,
@@ -101,34 +101,16 @@ def check_topic(topic: Topic, times: TopicTimes, n_further: int = 0) -> TopicChe
         first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
         last_s=float(log_s.max(initial=0.0)),
         mean_hz=(len(log_s) - 1) / span_s if span_s > _BURST_S else None,
-        rate_hz=rate_hz,
         longest_gap_s=float(steps_s.max(initial=0.0)),
         n_gaps=int(np.count_nonzero(steps_s > gap_s)),
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
         n_stamp_steps_back=sum(int((np.diff(stamp) < 0).sum()) for _, stamp in sent.values()),
-        stamp_delay_s=(
-            min(float(each.min()) for each in delays_s.values()),
-            max(float(each.max()) for each in delays_s.values()),
-        )
-        if sent
-        else None,
+        stamp_delay_s=(float(delays.min()), float(delays.max())) if len(delays) else None,
         clocks={
             name: clock_difference(log / _SECOND_NS, delays_s[name])
             for name, (log, _) in sent.items()
         },
     )
-
-
-def _usual(steps_s: FloatArray) -> tuple[float, float | None]:
-    """Distance (s) between messages, or bursts of them, and messages per second."""
-    apart = steps_s[steps_s > _BURST_S]
-    if not len(apart) and steps_s.sum() <= _BURST_S:
-        return 0.0, None
-    if not len(apart):
-        usual_s = float(np.median(steps_s))
-        return usual_s, 1.0 / usual_s if usual_s > 0 else None
-    usual_s = float(np.median(apart))
-    return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
 
 
 @dataclass(frozen=True)
