@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
-from serd_bag.damage import DamageLog, FileScan, State
+from serd_bag.damage import DamageLog, FileScan, State, Stated
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, LARGEST_MESSAGE, MOST_PACKED
 from serd_bag.formats.mcap.window import FileWindow
@@ -55,6 +55,29 @@ class Ros1Scan(FileScan):
     def __init__(self, path: Path, start: int = 0, end: int | None = None) -> None:
         super().__init__(path, start, end)
         self._connections: dict[int, Channel] = {}
+
+    def stated(self) -> Stated | None:
+        """Contents by the index, whose counts agree with the entries behind all chunks."""
+        found: dict[int, Counter[int]] = {}
+        times_ns: list[int] = []
+        with self.opened() as window:
+            walk = Walk(window, DamageLog(self.path))
+            for place, record, entries in walk.parts():
+                if record.kind == MESSAGE:
+                    return None
+                found[place] = Counter(number for number, _, _ in entries)
+                times_ns += [time_ns for _, time_ns, _ in entries]
+                times_ns = [min(times_ns), max(times_ns)] if times_ns else []
+        if walk.log or any(walk.faults()) or walk.counts != found:
+            return None
+        counts: Counter[str] = Counter()
+        for number, count in sum(found.values(), Counter()).items():
+            counts[walk.connections[number].topic] += count
+        types = {
+            each.topic: each.type_name.replace("/", "/msg/")
+            for each in reversed(walk.connections.values())
+        }
+        return Stated(types, counts, min(times_ns, default=0), max(times_ns, default=0))
 
     def channels(self) -> list[Channel]:
         """Channels of the file, by its index if that is right."""
