@@ -100,8 +100,8 @@ class StampFinder:
             (number,) = self._number.unpack_from(self._data, place)
             place += 4
         if number and element[0] == Nodetype.BASE and element[1][0] != "string":
-            size = SIZEMAP[element[1][0]]
-            return self._aligned(place, size) + number * size
+            size: int = SIZEMAP[element[1][0]]
+            return self._aligned(place, size) + int(number) * size
         for _ in range(number):
             place = self._passed(element, place, is_inner=is_inner)
         return place
