@@ -21,10 +21,10 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
+from serd_app.drives.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_app.drives.transforms import plain_name
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
-from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.messages.plain import Transform, transforms
 from serd_bag.topic import MessageType, Topic
 from serd_ros.convert.frames import Frames, NotYetError

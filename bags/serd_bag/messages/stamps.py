@@ -13,7 +13,7 @@ from rosbags.serde.utils import SIZEMAP
 from rosbags.typesys.msg import normalize_msgtype
 
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import store_of
+from serd_bag.formats.rosbag2.message_types import store_of
 from serd_bag.messages.plain import CDR_HEAD
 from serd_bag.topic import CDR, ROS1, Topic
 

@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
 from serd_bag.nearest import hint
-from serd_bag.topic import ROS1MSG, ROS2IDL, ROS2MSG, MessageType
+from serd_bag.topic import ROS1MSG, ROS2IDL, ROS2MSG, MessageType, Topic
 
 _SEPARATOR = "=" * 80
 #: Characters of a definition without comments: rosbags takes a second for 10,000.
@@ -120,6 +120,21 @@ def typestore_of(definition: MessageType) -> Typestore:
     else:
         store.register(get_types_from_msg(definition.text, normalize_msgtype(definition.name)))
     return store
+
+
+@lru_cache(maxsize=32)
+def store_of(topic: Topic) -> Typestore:
+    """The types of a topic: as recorded, else as installed; BagError where there are none."""
+    recorded = topic.message_type
+    try:
+        return typestore_of(resolve_type(recorded))
+    except BagError as error:
+        raise BagError(f"{topic.name}: the bag has no message definitions; {error}") from None
+    except Exception as error:  # a recorded text may be anything
+        raise BagError(
+            f"{topic.name}: the definition of {recorded.name} in the bag must be that of a message,"
+            f" got {type(error).__name__}; name another topic in the mapping"
+        ) from None
 
 
 def _interface_file(name: str, suffix: str) -> Path | None:
