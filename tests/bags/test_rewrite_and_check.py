@@ -139,13 +139,6 @@ def test_check_reports_gaps_jumps_and_missing_topics(tmp_path, messages):
     assert check.topics[1].stamp_delay_s == pytest.approx((0.25, 0.25))
 
 
-def test_check_reads_stamps_by_the_definition_in_the_bag(tmp_path, messages):
-    text = "std_msgs/Header header\nfloat64 x\n"
-    row = ("/mine", 3.0, messages.pose(1.0, 0.0, 0.0))
-    bag = write_bag(tmp_path / "bag", {"/mine": MessageType("a/msg/B", text, "")}, [row])
-    assert check_bag(bag).topics[0].stamp_delay_s == (2.0, 2.0)
-
-
 @pytest.mark.parametrize(
     ("times_s", "mean_hz", "n_gaps"),
     [

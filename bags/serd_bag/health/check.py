@@ -218,8 +218,8 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
     remarks = [f"{topic.name}: {remark}" for topic in topics for remark in _remarks_on(topic)]
     wrong = wrong_clocks(topics)
     by_clock: dict[tuple[str, str], list[str]] = {}
-    compared = [each for topic in topics for each in topic.clocks.values() if each.span_s]
-    if compared and not wrong and (ahead_s := _constant_s(compared[0])):
+    compared = _compared(topics)
+    if compared and not wrong and (ahead_s := _constant_s(next(iter(compared.values())))):
         how_far = _ahead(ahead_s)
         return [*remarks, f"all stamps are {how_far} log times: those of another or simulated time"]
     for (name, sender), clocks in wrong.items():
@@ -239,17 +239,23 @@ def wrong_clocks(topics: Sequence[TopicCheck]) -> dict[tuple[str, str], ClockDif
 
     None where all are ahead by the same time: that of log times may be the wrong one.
     """
-    compared = {
-        (topic.name, sender): clocks
-        for topic in topics
-        for sender, clocks in topic.clocks.items()
-        if clocks.span_s
-    }
+    compared = _compared(topics)
     ahead_s = [_constant_s(clocks) for clocks in compared.values()]
     if len(compared) > 1 and all(ahead_s) and np.ptp(ahead_s) <= AGREEMENT_S:
         return {}
     return {
         key: each for key, each in compared.items() if each.jumps or each.drift or _constant_s(each)
+    }
+
+
+def _compared(topics: Sequence[TopicCheck]) -> dict[tuple[str, str], ClockDifference]:
+    """The clocks that can be compared: a few old stamps may be those of messages that were kept,
+    as maps are, but none can be ahead."""
+    return {
+        (topic.name, sender): clocks
+        for topic in topics
+        for sender, clocks in topic.clocks.items()
+        if clocks.span_s or clocks.offset_s > -AGREEMENT_S
     }
 
 
