@@ -184,15 +184,18 @@ def check_bag(
     known = sorted(reader.topics.items())
     topics = tuple(check_topic(topic, times[name], further[name]) for name, topic in known)
     faults += _missing(topics, required)
-    remarks = _remarks(topics)
-    if n_untimed:
-        remarks.append(f"{n_untimed} messages have log times below 0 or after 2^63-1 ns")
-    if further.total() > n_untimed:
-        remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
+    remarks = [*_remarks(topics), *_not_compared(n_untimed, n_compared, further.total())]
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
     n_lost = reader.losses.n_messages
     return BagCheck(Path(path), topics, _at_most(faults), _at_most(remarks), n_lost)
+
+
+def _not_compared(n_untimed: int, n_compared: int, n_further: int) -> Iterator[str]:
+    if n_untimed:
+        yield f"{n_untimed} messages have log times below 0 or after 2^63-1 ns"
+    if n_further > n_untimed:
+        yield f"rates, gaps and clocks are those of the first {n_compared} messages"
 
 
 def _at_most(lines: list[str]) -> tuple[str, ...]:
