@@ -207,6 +207,7 @@ class Recording(Activity):
         values = {
             "recording": status.recording,
             "messages": status.n_messages,
+            "lost": sum(topic.n_lost for topic in self._topics.values()),
             "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),
             "bag_mb": status.size_bytes / 1e6,
             "free_mb": status.free_bytes / 1e6,

@@ -9,6 +9,7 @@ from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from serd_bag.reader import BagReader
@@ -42,6 +43,29 @@ def test_a_discarded_episode_is_recorded_and_not_counted(record, messages):
         running.call_timers()
         values = values_of(running.sent["diagnostics"], "demo_recorder")
     assert (values["messages"], values["episodes"]) == ("4", "1")
+
+
+def test_messages_that_the_middleware_drops_are_counted(record):
+    with record("/text:std_msgs/msg/String") as running:
+        texts = running.node.create_publisher(String, "/text", qos.STATE)
+        wait_until(lambda: running.node.count_publishers("/text"))
+        running.call_timers()  # it subscribes
+        wait_until(texts.get_subscription_count)
+        n_sent = 0
+        for count in (1, 2 * qos.STATE_DEPTH):  # the first one is taken before the others come
+            for _ in range(count):
+                texts.publish(String())
+            n_sent += count
+
+            def all_are_known(n_sent=n_sent):
+                running.work._record_what_waits()
+                running.call_timers()
+                return int(running.health["messages"]) + int(running.health["lost"]) == n_sent
+
+            wait_until(all_are_known)
+    n_lost = int(running.health["lost"])
+    assert n_lost > 0
+    assert f"{n_lost} messages of /text were lost on the way" in running.health["message"]
 
 
 def test_a_clock_beyond_every_stamp_is_rejected_and_the_status_still_published(record):
