@@ -1,6 +1,7 @@
 """What the recorder reports of a recording."""
 
 import time
+from functools import partial
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -43,6 +44,20 @@ def test_a_discarded_episode_is_recorded_and_not_counted(record, messages):
         running.call_timers()
         values = values_of(running.sent["diagnostics"], "demo_recorder")
     assert (values["messages"], values["episodes"]) == ("4", "1")
+
+
+def test_topics_are_recorded_whose_names_match_and_that_are_not_left_out(record, tmp_path):
+    with record("/base/.*", without=["/base/raw.*"]) as running:
+        make = partial(running.node.create_publisher, String, qos_profile=qos.LATCHED)
+        for name in ("/base/name", "/base/raw/name", "/other"):
+            make(topic=name).publish(String(data=name))
+            wait_until(lambda name=name: running.node.count_publishers(name))
+        running.call_timers()
+        wait_until(running.work._record_what_waits)
+        running.call("stop_recording", Trigger.Request())
+    assert {each.topic for each in BagReader(tmp_path / "bag").messages()} == {"/base/name"}
+    with pytest.raises(USER_ERRORS, match=r"regular expressions, got '/\(' "), record("/("):
+        pass
 
 
 def test_messages_that_the_middleware_drops_are_counted(record):
