@@ -31,6 +31,8 @@ _BURST_S = 1e-3
 _MOST_COMPARED = 1_000_000
 #: Senders of a topic that are told apart, and of those in one sentence.
 _MOST_SENDERS, _MOST_NAMED = 1_000, 5
+#: Of a sender whose clock is compared.
+_FEWEST_STAMPS = 5
 #: Wrong clocks that differ by less (s) may be one.
 _ONE_CLOCK_S = 0.1
 _NO_CHECKSUMS = (
@@ -47,7 +49,7 @@ class TopicCheck:
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    clocks: of each sender, its stamps compared with log times.
+    clocks: of each sender with five stamps or more, these compared with log times.
     """
 
     name: str
@@ -109,6 +111,7 @@ def check_topic(topic: Topic, times: TopicTimes, n_further: int = 0) -> TopicChe
         clocks={
             name: clock_difference(log / _SECOND_NS, delays_s[name])
             for name, (log, _) in sent.items()
+            if len(log) >= _FEWEST_STAMPS
         },
     )
 
