@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from serd_bag.errors import BagError, disk_errors
 from serd_bag.formats.limits import MOST_FAULTS_OF_A_FILE
@@ -85,6 +85,16 @@ class Span:
     reason: str = ""
 
 
+class Stated(NamedTuple):
+    """What a file states of its contents: types and numbers of messages by topic, and their first
+    and last log time (ns), 0 without messages."""
+
+    types: dict[str, str]
+    counts: Counter[str]
+    first_ns: int
+    last_ns: int
+
+
 class FileScan:
     """One walk through a file of a bag, or through its part from `start` to `end`.
 
@@ -138,6 +148,10 @@ class FileScan:
     def metadata(self) -> list[tuple[str, dict[str, str]]]:
         """Names and values of metadata records, as MCAP files have them."""
         return []
+
+    def stated(self) -> Stated | None:
+        """What the file states of its contents; None where that does not prove itself."""
+        return None
 
     def channels(self) -> list[Channel]:
         """All channels of the file that can be found."""

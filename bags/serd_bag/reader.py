@@ -106,7 +106,11 @@ class BagReader:
         others = {each for each in self._channels if not _are_alike(each, first[each.topic])}
         if topics is None:
             others.clear()
-        for _, records in self.walks(topics):
+        is_plain = not others and all(each.encoding != ROS1 for each in self._channels)
+        for scan, records in self.walks(topics):
+            if is_plain and not self._packs_messages and isinstance(scan, SqliteScan):
+                yield from scan.messages(None if topics is None else frozenset(topics))
+                continue
             for record in records:
                 channel, _, data, log_time_ns, publish_time_ns = record
                 if others and channel in others:

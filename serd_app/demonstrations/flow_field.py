@@ -13,9 +13,9 @@ import numpy as np
 
 from serd_app.demonstrations.decision_table import FlowField
 from serd_app.drives.drive import places_at
+from serd_app.drives.people import SeenPeople, SightedIds, people_in, require_people
 from serd_app.drives.recording import Recording
 from serd_app.drives.transforms import RecordedTransforms, plain_name
-from serd_bag.messages.people import SeenPeople, SightedIds, people_in, require_people
 from serd_bag.reader import BagReader
 from serd_bag.topic import topic_named, topics_named
 from serd_core.arrays import FloatArray

@@ -23,9 +23,9 @@ from serd_app.drives.drive import (
     hidden_intents,
     places_at,
 )
+from serd_app.drives.fields import VECTORS, VELOCITIES, field_reader
 from serd_app.drives.mapping import BagMapping, TableMapping
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import VECTORS, VELOCITIES, field_reader
 from serd_bag.messages.times import TimesOnClock, placed_s
 from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray, IntArray

@@ -21,10 +21,10 @@ from serd_app.drives.drive import (
     source_of,
     spans_of_marks,
 )
+from serd_app.drives.fields import POSES, FieldReader, field_reader
 from serd_app.drives.mapping import BagMapping, unmarked_spans, usual_gap_s
 from serd_app.drives.transforms import TF_TYPES, RecordedTransforms, matrices_of, plain_name, planar
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import POSES, FieldReader, field_reader
 from serd_bag.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
 from serd_bag.nearest import hint
 from serd_bag.reader import BagReader

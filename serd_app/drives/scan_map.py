@@ -14,7 +14,7 @@ import numpy as np
 from serd_app.drives.actions import PoseTrack
 from serd_app.drives.transforms import RecordedTransforms, plain_name
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import store_of
+from serd_bag.formats.rosbag2.message_types import store_of
 from serd_bag.messages.plain import decode, header_of
 from serd_bag.topic import RawMessage, Topic
 from serd_core.arrays import FloatArray

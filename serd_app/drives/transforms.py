@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from serd_bag.errors import BagError
-from serd_bag.messages.fields import store_of
+from serd_bag.formats.rosbag2.message_types import store_of
 from serd_bag.messages.plain import Transform, transforms
 from serd_bag.nearest import hint
 from serd_bag.topic import RawMessage, Topic

@@ -21,10 +21,10 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 
+from serd_app.drives.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_app.drives.transforms import plain_name
 from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
-from serd_bag.messages.people import CLOUD, SeenPeople, SightedIds, people_in, require_people
 from serd_bag.messages.plain import Transform, transforms
 from serd_bag.topic import MessageType, Topic
 from serd_ros.convert.frames import Frames, NotYetError
@@ -59,7 +59,8 @@ class FollowedTopic:
     """Subscribes at once where the type has a profile, else as soon as there is a publisher.
 
     name: in full; take: called with each message; topic: by which bad ones are counted, the name
-    when empty; offered: by the publishers there were when it subscribed.
+    when empty; offered: by the publishers there were when it subscribed; n_lost: messages that the
+    middleware did not deliver, by the numbers that a publisher gives, where there is only one.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class FollowedTopic:
     ) -> None:
         self.name, self.kind, self.stamped = name, kind, kind.stamped
         self.offered: tuple[QoSProfile, ...] = ()
+        self.n_lost, self._last, self._has_one = 0, 0, False
         self._others: list[str] = []
         self._endpoints, self.take = endpoints, endpoints.guarded(topic or name, take)
         self._subscription: Subscription | None = None
@@ -87,6 +89,7 @@ class FollowedTopic:
     def look(self) -> bool:
         """Follow the publishers; whether it subscribed just now."""
         found = self._endpoints.node.get_publishers_info_by_topic(self.name)
+        self._has_one = len(found) == 1
         offered = [each.qos_profile for each in found if each.topic_type == self.kind.name]
         self._others = [] if offered else sorted({each.topic_type for each in found})
         if not offered:
@@ -101,11 +104,14 @@ class FollowedTopic:
         )
         for each in latched:  # what it has kept has come
             self._endpoints.end(each, self._take_received)
+            self._last = 0  # two subscriptions have counted
         return False
 
     @property
     def silence(self) -> str:
-        """Why no message can arrive, as far as is known, else empty."""
+        """Which messages do not arrive, and why, as far as is known, else empty."""
+        if self.n_lost:
+            return f"{self.n_lost} messages of {self.name} were lost on the way"
         if self._others:
             return f"{self.name} is {', '.join(self._others)}, not {self.kind.name}"
         return "" if self.is_subscribed else f"{self.name} has no publisher"
@@ -120,6 +126,10 @@ class FollowedTopic:
         self.take(self._received(data, info))
 
     def _received(self, data: bytes, info: Mapping[str, int]) -> Received:
+        number = info.get("publication_sequence_number") or 0
+        if self._has_one and 0 < self._last < number:
+            self.n_lost += number - self._last - 1
+        self._last = number if self._has_one else 0
         received_ns = max(info["received_timestamp"], 0) or time.time_ns()
         return Received(self.name, data, received_ns, info["source_timestamp"])
 

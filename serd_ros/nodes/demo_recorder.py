@@ -5,6 +5,7 @@ The log time of a message is when it was received, its publish time when it was 
 are simulated time instead (`bags/serd_bag/messages/times.py`).
 """
 
+import re
 import sys
 import time
 from collections.abc import Iterable
@@ -39,6 +40,11 @@ _RECORDED = (
 )  # fmt: skip
 
 
+#: What no name of a topic has.
+_EXPRESSION = re.compile(r"[^\w/:~{}]")
+Expression = re.Pattern[str]
+
+
 class DemoRecorderConfig(ManagedConfig):
     """Parameters of demo_recorder."""
 
@@ -46,12 +52,24 @@ class DemoRecorderConfig(ManagedConfig):
     topics: tuple[str, ...] = setting(
         _RECORDED,
         'topics of this stack, or any other as "/imu:sensor_msgs/msg/Imu" (in quotes), which is'
-        " recorded from its first publisher on, with the quality of service of its publishers",
+        " recorded from its first publisher on, with the quality of service of its publishers; or"
+        ' regular expressions of whole names, as "/.*" for all topics',
         min_length=1,
+    )
+    without: tuple[str, ...] = setting(
+        ("",), "regular expressions of whole names that none of the other expressions adds"
     )
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
     record_at_start: bool = setting(True, "record at once, without start_recording")
     minimum_free_mb: float = setting(100.0, "end when less disk is free", unit="MB", ge=0)
+
+
+def _compiled(expressions: Iterable[str]) -> list[Expression]:
+    try:
+        return [re.compile(each) for each in expressions]
+    except re.error as error:
+        rule = f"topics must be names or regular expressions, got {error.pattern!r} ({error})"
+        raise NodeError(f"{rule}; correct it") from None
 
 
 class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
@@ -67,20 +85,31 @@ class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
     def configure(self) -> Activate:
         """Look up the types of the topics, by their full names."""
         kinds: dict[str, TopicType] = {}
+        expressions = [text for text in self.config.topics if _EXPRESSION.search(text)]
         for text in self.config.topics:
+            if text in expressions:
+                continue
             topic, kind = named_topic(text, stamped_cmd_vel=self.config.stamped_cmd_vel)
             name = self.resolve_topic_name(topic)
             if name in kinds:
                 rule = f"topics must name each topic once, got {name} twice"
                 raise NodeError(f"{rule}; leave one out")
             kinds[name] = kind
-        return partial(Recording, kinds, self._bags)
+        chosen = _compiled(expressions), _compiled(self.config.without)
+        return partial(Recording, kinds, chosen, self._bags)
 
 
 class Recording(Activity):
     """Subscribes raw and records into `output`, `output-2`, ...; services begin and end a bag."""
 
-    def __init__(self, kinds: dict[str, TopicType], bags: list[Path], endpoints: Endpoints) -> None:
+    def __init__(
+        self,
+        kinds: dict[str, TopicType],
+        chosen: tuple[list[Expression], list[Expression]],
+        bags: list[Path],
+        endpoints: Endpoints,
+    ) -> None:
+        self._endpoints, (self._wanted, self._left_out) = endpoints, chosen
         self._node, self._config, self._bags = endpoints.node, endpoints.node.config, bags
         self._clock_topic = self._node.resolve_topic_name(topics.CLOCK)
         self._recording_clock: RecordingClock | None = None
@@ -152,6 +181,22 @@ class Recording(Activity):
             if not self._recorder.status.recording:
                 self._end_with_the_problem(self._recorder)
 
+    def _find(self) -> None:
+        """Follow the topics that have come and match an expression."""
+        for name, types in self._node.get_topic_names_and_types():
+            chosen, others = (
+                any(each.fullmatch(name) for each in some)
+                for some in (self._wanted, self._left_out)
+            )
+            if not chosen or others or name in self._topics or len(types) > 1:
+                continue
+            try:
+                kind = TopicType(types[0])
+                self._topics[name] = FollowedTopic(self._endpoints, name, kind, self._take)
+            except (BagError, NodeError) as error:
+                self._left_out.append(re.compile(re.escape(name)))
+                self._node.get_logger().warning(f"{name} is not recorded: {error}")
+
     def _look_at(self, followed: Iterable[FollowedTopic]) -> None:
         for topic in followed:
             if topic.look():
@@ -200,6 +245,7 @@ class Recording(Activity):
         return f"{recorder.status.n_messages} messages in {recorder.directory}"
 
     def _report(self) -> None:
+        self._find()
         self._look_at(self._topics.values())
         if self._recorder is None:
             return
@@ -207,6 +253,7 @@ class Recording(Activity):
         values = {
             "recording": status.recording,
             "messages": status.n_messages,
+            "lost": sum(topic.n_lost for topic in self._topics.values()),
             "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),
             "bag_mb": status.size_bytes / 1e6,
             "free_mb": status.free_bytes / 1e6,

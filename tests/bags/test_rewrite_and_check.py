@@ -139,29 +139,18 @@ def test_check_reports_gaps_jumps_and_missing_topics(tmp_path, messages):
     assert check.topics[1].stamp_delay_s == pytest.approx((0.25, 0.25))
 
 
-def test_check_reads_stamps_by_the_definition_in_the_bag(tmp_path, messages):
-    text = "std_msgs/Header header\nfloat64 x\n"
-    row = ("/mine", 3.0, messages.pose(1.0, 0.0, 0.0))
-    bag = write_bag(tmp_path / "bag", {"/mine": MessageType("a/msg/B", text, "")}, [row])
-    assert check_bag(bag).topics[0].stamp_delay_s == (2.0, 2.0)
-
-
 @pytest.mark.parametrize(
-    ("times_s", "rate_hz", "mean_hz", "n_gaps"),
+    ("times_s", "mean_hz", "n_gaps"),
     [
-        ([0.05 * (step // 3) for step in range(300)], 60.0, 299 / 4.95, 0),  # three at a time
-        ([0.0, 0.1, 0.2, 9.8, 9.9, 10.0], 10.0, 0.5, 1),
-        ([0.05 * step for step in range(60)], 20.0, 20.0, 0),
-        ([0.00025 * step for step in range(100)], 4000.0, 4000.0, 0),
-        ([1.0, 1.00002], None, None, 0),
-        ([1.0], None, None, 0),
+        ([0.05 * (step // 3) for step in range(300)], 299 / 4.95, 0),  # three at a time
+        ([0.0, 0.1, 0.2, 9.8, 9.9, 10.0], 0.5, 1),
+        ([1.0, 1.00002], None, 0),
     ],
 )
-def test_the_usual_rate_is_that_of_bursts_times_their_size_and_the_mean_counts_pauses_too(
-    tmp_path, messages, times_s, rate_hz, mean_hz, n_gaps
+def test_the_mean_rate_counts_pauses_and_gaps_are_those_between_bursts(
+    tmp_path, messages, times_s, mean_hz, n_gaps
 ):
     _, topic = check_bag(bag_of_poses(tmp_path / "bag", messages, times_s)).topics
-    assert topic.rate_hz == (rate_hz and pytest.approx(rate_hz, rel=0.02))
     assert topic.mean_hz == (mean_hz and pytest.approx(mean_hz))
     assert topic.n_gaps == n_gaps
 

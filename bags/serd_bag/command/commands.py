@@ -288,12 +288,12 @@ def _contents_page(found: "BagContents") -> Page:
 def _check_page(found: "BagCheck") -> Page:
     """A row per topic: rates, gaps and the two clocks; then faults, remarks and a verdict."""
     columns = (
-        *("topic", "messages", "mean\nHz", "usual\nHz"),
+        *("topic", "messages", "mean\nHz"),
         *("longest\ngap [s]", "gaps", "log time -\nstamp [s]"),
     )
     rows = [
         (
-            *(topic.name, str(topic.n_messages), _rate(topic.mean_hz), _rate(topic.rate_hz)),
+            *(topic.name, str(topic.n_messages), _rate(topic.mean_hz)),
             *(f"{topic.longest_gap_s:.2f}", str(topic.n_gaps), _delay(topic.stamp_delay_s)),
         )
         for topic in found.topics

@@ -22,10 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     exit_code = 0
     try:
         with written_output():
-            words = sys.argv[1:] if arguments is None else [*arguments]
-            if words[:1] == ["recover"]:
-                raise FileError("recover is now called rescue; run 'serd-bag rescue BAG'")
-            given = _parser().parse_args(words)
+            given = _parser().parse_args(arguments)
             exit_code = run_command(given.command, given)
     except FileError as error:
         print(f"serd-bag: {error}", file=sys.stderr)

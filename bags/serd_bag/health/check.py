@@ -31,6 +31,8 @@ _BURST_S = 1e-3
 _MOST_COMPARED = 1_000_000
 #: Senders of a topic that are told apart, and of those in one sentence.
 _MOST_SENDERS, _MOST_NAMED = 1_000, 5
+#: Of a sender whose clock is compared.
+_FEWEST_STAMPS = 5
 #: Wrong clocks that differ by less (s) may be one.
 _ONE_CLOCK_S = 0.1
 _NO_CHECKSUMS = (
@@ -43,12 +45,11 @@ _NO_CHECKSUMS = (
 class TopicCheck:
     """Number, rates, gaps and clocks of the messages of one topic.
 
-    mean_hz: from first to last; rate_hz: from the usual distance of bursts and their usual size;
-    both are None where there are too few messages.
+    mean_hz: from first to last, None where there are too few messages.
     longest_gap_s: between log times; n_gaps: unusual ones.
     n_log_steps_back, n_stamp_steps_back: times the clock went backwards.
     stamp_delay_s: log time minus stamp, (least, greatest); None where there are no stamps.
-    clocks: of each sender, its stamps compared with log times.
+    clocks: of each sender with five stamps or more, these compared with log times.
     """
 
     name: str
@@ -57,7 +58,6 @@ class TopicCheck:
     first_s: float
     last_s: float
     mean_hz: float | None
-    rate_hz: float | None
     longest_gap_s: float
     n_gaps: int
     n_log_steps_back: int
@@ -90,10 +90,12 @@ def check_topic(topic: Topic, times: TopicTimes, n_further: int = 0) -> TopicChe
     log_s = logs / _SECOND_NS
     span_s = float(np.ptp(log_s)) if len(log_s) else 0.0
     steps_s: FloatArray = np.diff(logs).astype(np.float64) / _SECOND_NS
-    usual_s, rate_hz = _usual(steps_s)
+    apart_s = steps_s[steps_s > _BURST_S]
+    usual_s = float(np.median(apart_s)) if len(apart_s) else 0.0
     gap_s = max(_GAP_FACTOR * usual_s, _SHORTEST_GAP_S)
     sent = {name: np.array(each, dtype=np.int64) for name, each in sorted(times.sent_ns.items())}
     delays_s = {name: (log - stamp) / _SECOND_NS for name, (log, stamp) in sent.items()}
+    delays = np.concatenate([log_s[:0], *delays_s.values()])
     return TopicCheck(
         name=topic.name,
         type_name=topic.type_name,
@@ -101,34 +103,17 @@ def check_topic(topic: Topic, times: TopicTimes, n_further: int = 0) -> TopicChe
         first_s=float(log_s.min(initial=np.inf)) if len(log_s) else 0.0,
         last_s=float(log_s.max(initial=0.0)),
         mean_hz=(len(log_s) - 1) / span_s if span_s > _BURST_S else None,
-        rate_hz=rate_hz,
         longest_gap_s=float(steps_s.max(initial=0.0)),
         n_gaps=int(np.count_nonzero(steps_s > gap_s)),
         n_log_steps_back=int(np.count_nonzero(steps_s < 0)),
         n_stamp_steps_back=sum(int((np.diff(stamp) < 0).sum()) for _, stamp in sent.values()),
-        stamp_delay_s=(
-            min(float(each.min()) for each in delays_s.values()),
-            max(float(each.max()) for each in delays_s.values()),
-        )
-        if sent
-        else None,
+        stamp_delay_s=(float(delays.min()), float(delays.max())) if len(delays) else None,
         clocks={
             name: clock_difference(log / _SECOND_NS, delays_s[name])
             for name, (log, _) in sent.items()
+            if len(log) >= _FEWEST_STAMPS
         },
     )
-
-
-def _usual(steps_s: FloatArray) -> tuple[float, float | None]:
-    """Distance (s) between messages, or bursts of them, and messages per second."""
-    apart = steps_s[steps_s > _BURST_S]
-    if not len(apart) and steps_s.sum() <= _BURST_S:
-        return 0.0, None
-    if not len(apart):
-        usual_s = float(np.median(steps_s))
-        return usual_s, 1.0 / usual_s if usual_s > 0 else None
-    usual_s = float(np.median(apart))
-    return usual_s, int((steps_s >= 0).sum()) / len(apart) / usual_s
 
 
 @dataclass(frozen=True)
@@ -202,15 +187,18 @@ def check_bag(
     known = sorted(reader.topics.items())
     topics = tuple(check_topic(topic, times[name], further[name]) for name, topic in known)
     faults += _missing(topics, required)
-    remarks = _remarks(topics)
-    if n_untimed:
-        remarks.append(f"{n_untimed} messages have log times below 0 or after 2^63-1 ns")
-    if further.total() > n_untimed:
-        remarks.append(f"rates, gaps and clocks are those of the first {n_compared} messages")
+    remarks = [*_remarks(topics), *_not_compared(n_untimed, n_compared, further.total())]
     if topics and not reader.has_checksums:
         remarks.append(_NO_CHECKSUMS)
     n_lost = reader.losses.n_messages
     return BagCheck(Path(path), topics, _at_most(faults), _at_most(remarks), n_lost)
+
+
+def _not_compared(n_untimed: int, n_compared: int, n_further: int) -> Iterator[str]:
+    if n_untimed:
+        yield f"{n_untimed} messages have log times below 0 or after 2^63-1 ns"
+    if n_further > n_untimed:
+        yield f"rates, gaps and clocks are those of the first {n_compared} messages"
 
 
 def _at_most(lines: list[str]) -> tuple[str, ...]:
@@ -236,8 +224,8 @@ def _remarks(topics: Sequence[TopicCheck]) -> list[str]:
     remarks = [f"{topic.name}: {remark}" for topic in topics for remark in _remarks_on(topic)]
     wrong = wrong_clocks(topics)
     by_clock: dict[tuple[str, str], list[str]] = {}
-    compared = [each for topic in topics for each in topic.clocks.values() if each.span_s]
-    if compared and not wrong and (ahead_s := _constant_s(compared[0])):
+    compared = _compared(topics)
+    if compared and not wrong and (ahead_s := _constant_s(next(iter(compared.values())))):
         how_far = _ahead(ahead_s)
         return [*remarks, f"all stamps are {how_far} log times: those of another or simulated time"]
     for (name, sender), clocks in wrong.items():
@@ -257,17 +245,23 @@ def wrong_clocks(topics: Sequence[TopicCheck]) -> dict[tuple[str, str], ClockDif
 
     None where all are ahead by the same time: that of log times may be the wrong one.
     """
-    compared = {
-        (topic.name, sender): clocks
-        for topic in topics
-        for sender, clocks in topic.clocks.items()
-        if clocks.span_s
-    }
+    compared = _compared(topics)
     ahead_s = [_constant_s(clocks) for clocks in compared.values()]
     if len(compared) > 1 and all(ahead_s) and np.ptp(ahead_s) <= AGREEMENT_S:
         return {}
     return {
         key: each for key, each in compared.items() if each.jumps or each.drift or _constant_s(each)
+    }
+
+
+def _compared(topics: Sequence[TopicCheck]) -> dict[tuple[str, str], ClockDifference]:
+    """The clocks that can be compared: a few old stamps may be those of messages that were kept,
+    as maps are, but none can be ahead."""
+    return {
+        (topic.name, sender): clocks
+        for topic in topics
+        for sender, clocks in topic.clocks.items()
+        if clocks.span_s or clocks.offset_s > -AGREEMENT_S
     }
 
 

@@ -1,13 +1,17 @@
-"""What a bag holds, by the summaries at the ends of its files; only without them all is read."""
+"""What a bag holds, by the summaries and indexes of its files; only without them all is read."""
 
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from serd_bag.damage import missing_messages
-from serd_bag.formats.mcap.file_end import FileEnd
+from serd_bag.damage import FileScan, missing_messages
+from serd_bag.formats.mcap.scan import McapScan
+from serd_bag.formats.ros1.scan import Ros1Scan
 from serd_bag.formats.rosbag2.layout import bag_layout
 from serd_bag.reader import BagReader
+
+#: Of files that state their contents.
+_SCANS: dict[str, type[FileScan]] = {".mcap": McapScan, ".bag": Ros1Scan}
 
 
 @dataclass(frozen=True)
@@ -43,24 +47,18 @@ class BagContents:
 
 
 def contents_of_bag(path: str | Path, *, sizes: bool = False) -> BagContents:
-    """What a bag holds; bags other than MCAP, damaged ones and those without summary are read.
+    """What a bag holds; sqlite3 bags, damaged ones and those without summary or index are read.
 
     sizes: read any bag for the bytes of each topic. Raises BagError where there is no bag.
     """
     path = Path(path)
     layout = bag_layout(path)
-    ends = [FileEnd(file) for file in layout.files if file.suffix == ".mcap"]
-    is_stated = len(ends) == len(layout.files) and all(end.states_contents for end in ends)
-    counts: Counter[str] = Counter()
+    scans = [_SCANS[file.suffix](file) for file in layout.files if file.suffix in _SCANS]
+    stated = [found for scan in scans if (found := scan.stated()) is not None]
+    counts = sum((each.counts for each in stated), Counter[str]())
     n_bytes = _sizes(path) if sizes else None
     types: dict[str, str] = {}
-    stated = [(end.definitions, end.statistics) for end in ends if is_stated and end.statistics]
-    for definitions, statistics in stated:
-        for channel in definitions.all():
-            types.setdefault(channel.topic, channel.type_name)
-        for number, count in statistics.channel_message_counts.items():
-            counts[definitions.channels[number].topic] += count
-    if not is_stated or layout.fault or missing_messages(layout, counts):
+    if len(stated) < len(layout.files) or layout.fault or missing_messages(layout, counts):
         from serd_bag.health.check import check_bag
 
         check = check_bag(path)
@@ -68,9 +66,11 @@ def contents_of_bag(path: str | Path, *, sizes: bool = False) -> BagContents:
         counts = Counter({topic.name: topic.n_messages for topic in check.topics})
         span_s, faults, n_lost = check.span_s, check.faults, check.n_lost
     else:
-        filled = [statistics for _, statistics in stated if statistics.message_count]
-        last_ns = max((each.message_end_time for each in filled), default=0)
-        first_ns = min((each.message_start_time for each in filled), default=0)
+        for each in reversed(stated):
+            types.update(each.types)
+        filled = [each for each in stated if each.counts.total()]
+        last_ns = max((each.last_ns for each in filled), default=0)
+        first_ns = min((each.first_ns for each in filled), default=0)
         span_s, faults, n_lost = (last_ns - first_ns) / 1e9, (), 0
     rows = (
         TopicContents(

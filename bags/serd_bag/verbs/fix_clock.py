@@ -90,6 +90,8 @@ class _Correction:
             if clocks is None or stamp.time_ns <= 0:
                 continue
             ahead_ns = round(float(clocks.ahead_s(log_s)[0]) * _SECOND_NS)
+            if not ahead_ns:
+                continue
             corrected_ns = min(max(0, stamp.time_ns - ahead_ns), _LATEST_NS)
             data = finder.moved(data, stamp, corrected_ns)
             values = (topic, stamp.sender, self._numbers[topic], stamp.place)

@@ -5,10 +5,12 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from serd_bag.formats.rosbag2.message_types import resolve_type, typestore_of
+from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import store_of
 from serd_bag.messages.plain import decode
 from serd_bag.reader import BagReader, message_of, topic_read
 from serd_bag.topic import CDR, Channel, RawMessage, Topic
@@ -60,12 +62,9 @@ def _values(reader: BagReader, selection: Selection) -> Iterator[tuple[RawMessag
 
 
 def _store(topic: Topic) -> Any:
-    if topic.encoding != CDR:
-        return None
-    try:
-        return typestore_of(resolve_type(topic.message_type))
-    except Exception:  # a recorded text may be anything
-        return None
+    with suppress(BagError):
+        return store_of(topic) if topic.encoding == CDR else None
+    return None
 
 
 def _plain(value: Any) -> Any:

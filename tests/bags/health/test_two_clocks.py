@@ -105,10 +105,6 @@ def ahead(offset_s):
             ),
         ),
         (
-            (ahead(0.0), ahead(3600.0)),
-            ("/1: stamps are 3600.00 s ahead of log times: the clock of its sender is wrong",),
-        ),
-        (
             (ahead(0.0), ahead(-2.0)),
             ("/1: stamps are 2.00 s behind log times: the clock of its sender is wrong",),
         ),

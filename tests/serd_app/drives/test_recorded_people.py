@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from serd_app.demonstrations.flow_field import flow_from_recordings, recorded_sightings
+from serd_app.drives.people import SightedIds, people_of
 from serd_app.drives.recording import Recording
 from serd_bag.errors import BagError
-from serd_bag.messages.people import SightedIds, people_of
 from serd_bag.reader import BagReader
 from serd_core.grid.grid import Grid
 from support.bag_messages import TF, Messages, write_bag

@@ -1,6 +1,7 @@
 """What the recorder reports of a recording."""
 
 import time
+from functools import partial
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -9,6 +10,7 @@ from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from serd_bag.reader import BagReader
@@ -42,6 +44,43 @@ def test_a_discarded_episode_is_recorded_and_not_counted(record, messages):
         running.call_timers()
         values = values_of(running.sent["diagnostics"], "demo_recorder")
     assert (values["messages"], values["episodes"]) == ("4", "1")
+
+
+def test_topics_are_recorded_whose_names_match_and_that_are_not_left_out(record, tmp_path):
+    with record("/base/.*", without=["/base/raw.*"]) as running:
+        make = partial(running.node.create_publisher, String, qos_profile=qos.LATCHED)
+        for name in ("/base/name", "/base/raw/name", "/other"):
+            make(topic=name).publish(String(data=name))
+            wait_until(lambda name=name: running.node.count_publishers(name))
+        running.call_timers()
+        wait_until(running.work._record_what_waits)
+        running.call("stop_recording", Trigger.Request())
+    assert {each.topic for each in BagReader(tmp_path / "bag").messages()} == {"/base/name"}
+    with pytest.raises(USER_ERRORS, match=r"regular expressions, got '/\(' "), record("/("):
+        pass
+
+
+def test_messages_that_the_middleware_drops_are_counted(record):
+    with record("/text:std_msgs/msg/String") as running:
+        texts = running.node.create_publisher(String, "/text", qos.STATE)
+        wait_until(lambda: running.node.count_publishers("/text"))
+        running.call_timers()  # it subscribes
+        wait_until(texts.get_subscription_count)
+        n_sent = 0
+        for count in (1, 2 * qos.STATE_DEPTH):  # the first one is taken before the others come
+            for _ in range(count):
+                texts.publish(String())
+            n_sent += count
+
+            def all_are_known(n_sent=n_sent):
+                running.work._record_what_waits()
+                running.call_timers()
+                return int(running.health["messages"]) + int(running.health["lost"]) == n_sent
+
+            wait_until(all_are_known)
+    n_lost = int(running.health["lost"])
+    assert n_lost > 0
+    assert f"{n_lost} messages of /text were lost on the way" in running.health["message"]
 
 
 def test_a_clock_beyond_every_stamp_is_rejected_and_the_status_still_published(record):

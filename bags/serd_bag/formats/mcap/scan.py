@@ -4,7 +4,7 @@ Reads record by record, unpacking messages itself, for which the reader of `mcap
 twice as long. Each kind of fault becomes a Damage.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 from mcap.stream_reader import MAGIC_SIZE
 
-from serd_bag.damage import FileScan
+from serd_bag.damage import FileScan, Stated
 from serd_bag.formats.limits import LARGEST_DEFINITION
 from serd_bag.formats.mcap.data_section import IN_AREAS, RUN_PATTERN, Area, DataSection
 from serd_bag.formats.mcap.definitions import DEFINITIONS, Definitions
@@ -62,6 +62,17 @@ class McapScan(FileScan):
         self._looked_in: Area | None = None
         self._recorded_size = size
         self._looks_back, self._takes_doubted = True, False
+
+    def stated(self) -> Stated | None:
+        """Contents by the summary, whose statistics agree with the sizes of all indexes."""
+        statistics, counts = self._end.statistics, Counter[str]()
+        if statistics is None or not self._end.states_contents:
+            return None
+        channels = self._end.definitions.channels
+        for number, count in statistics.channel_message_counts.items():
+            counts[channels[number].topic] += count
+        types = {each.topic: each.type_name for each in reversed(self._end.definitions.all())}
+        return Stated(types, counts, statistics.message_start_time, statistics.message_end_time)
 
     def channels(self) -> list[Channel]:
         """Channels by the summary; where it is brief or missing, by the whole file."""

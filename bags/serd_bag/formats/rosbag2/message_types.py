@@ -12,7 +12,6 @@ import os
 import re
 import sys
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -22,12 +21,11 @@ from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
 from serd_bag.nearest import hint
-from serd_bag.topic import ROS1MSG, ROS2IDL, ROS2MSG, MessageType
+from serd_bag.topic import ROS1MSG, ROS2IDL, ROS2MSG, MessageType, Topic
 
 _SEPARATOR = "=" * 80
 #: Characters of a definition without comments: rosbags takes a second for 10,000.
 _LONGEST_FIELDS = 20_000
-_SAME_PACKAGE = 0.85
 _ADDED = Path(__file__).with_name("added_types.msg")
 _IDL_HEAD = re.compile(rf"^{_SEPARATOR}\nIDL: .*$", re.M)
 _TYPE_NAME = re.compile(r"\w+/msg/\w+")
@@ -88,16 +86,6 @@ def resolve_type_if_known(recorded: MessageType) -> MessageType:
         return recorded if recorded.text else replace(recorded, encoding="")
 
 
-def known_types() -> tuple[str, ...]:
-    """Names of all installed message types and of those in the type store of rosbags."""
-    installed = (
-        f"{path.parts[-3]}/msg/{path.stem}"
-        for folder in share_folders()
-        for path in folder.glob("*/msg/*.msg")
-    )
-    return tuple(sorted({*installed, *rosbags_types().fielddefs}))
-
-
 def share_folders() -> tuple[Path, ...]:
     """Existing `share` folders, the sourced installation first."""
     prefixes = [part for part in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if part]
@@ -134,6 +122,21 @@ def typestore_of(definition: MessageType) -> Typestore:
     return store
 
 
+@lru_cache(maxsize=32)
+def store_of(topic: Topic) -> Typestore:
+    """The types of a topic: as recorded, else as installed; BagError where there are none."""
+    recorded = topic.message_type
+    try:
+        return typestore_of(resolve_type(recorded))
+    except BagError as error:
+        raise BagError(f"{topic.name}: the bag has no message definitions; {error}") from None
+    except Exception as error:  # a recorded text may be anything
+        raise BagError(
+            f"{topic.name}: the definition of {recorded.name} in the bag must be that of a message,"
+            f" got {type(error).__name__}; name another topic in the mapping"
+        ) from None
+
+
 def _interface_file(name: str, suffix: str) -> Path | None:
     """The file of a type, `share/<package>/msg/<Type><suffix>`, in the first folder that has it."""
     files = (folder / f"{name}{suffix}" for folder in share_folders())
@@ -160,14 +163,10 @@ def _computed_hash(recorded: MessageType) -> str:
 
 
 def _fix(name: str) -> str:
-    """The nearest type of a package with almost this name; else to install the package.
-
-    Types of all packages have similar names, so a type of another package would be no help.
-    """
-    package, _, _ = name.partition("/")
-    packages = {known.partition("/")[0] for known in known_types()}
-    close = get_close_matches(package, packages, n=1, cutoff=_SAME_PACKAGE)
-    if not close:
-        return f"install the package {package}"
-    types = [known for known in known_types() if known.startswith(f"{close[0]}/")]
-    return hint(f"{close[0]}/{name.partition('/')[2]}", types)
+    """The nearest type of the package; else to install the package."""
+    package = name.partition("/")[0]
+    known = {*rosbags_types().fielddefs}
+    for folder in share_folders():
+        known.update(f"{package}/msg/{path.stem}" for path in folder.glob(f"{package}/msg/*.msg"))
+    types = [each for each in known if each.startswith(f"{package}/")]
+    return hint(name, types) if types else f"install the package {package}"

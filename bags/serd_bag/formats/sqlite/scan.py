@@ -15,12 +15,13 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_MESSAGE
 from serd_bag.formats.sqlite.pages import SqlitePages
-from serd_bag.topic import QOS, ROS2MSG, TYPE_HASH, Channel, Record
+from serd_bag.topic import QOS, ROS2MSG, TYPE_HASH, Channel, RawMessage, Record
 
 #: What SQLite keeps beside a file that was not closed.
 _UNFINISHED = ("-wal", "-journal")
@@ -28,6 +29,7 @@ _UNFINISHED = ("-wal", "-journal")
 #: topic number, log time, data
 _Row = tuple[int, int, bytes]
 _MAKE = tuple.__new__
+_Message = TypeVar("_Message", Record, RawMessage)
 _UNSIGNED = (1 << 64) - 1
 _BLOCK = 1 << 20
 
@@ -60,6 +62,13 @@ class SqliteScan(FileScan):
 
         A time below 0 has the number of the same 64 bits, as in MCAP files of rosbag2.
         """
+        return self._made(Record, topics)
+
+    def messages(self, topics: frozenset[str] | None) -> Iterator[RawMessage]:
+        """The same as messages, which takes two thirds of the time of making them of records."""
+        return self._made(RawMessage, topics)
+
+    def _made(self, kind: type[_Message], topics: frozenset[str] | None) -> Iterator[_Message]:
         n_unknown = 0
         with self._database() as (path, database):
             fault = _fault(database, whole=self._thorough)
@@ -73,6 +82,10 @@ class SqliteScan(FileScan):
             if condition and not fault:
                 self.counts.update(_counts(database, known, f" WHERE NOT{condition}"))
             n_read = dict.fromkeys(known, 0)
+            heads: dict[int, tuple[object, object]] = {
+                number: (each, 0) if kind is Record else (each.topic, each.type_name)
+                for number, each in known.items()
+            }
             rows = (
                 self._salvaged(path, wanted, n_read) if fault else self._rows(database, condition)
             )
@@ -83,7 +96,8 @@ class SqliteScan(FileScan):
                         if time_ns < 0:
                             time_ns &= _UNSIGNED
                         # NamedTuple's own constructor takes twice as long.
-                        yield _MAKE(Record, (known[number], 0, data, time_ns, time_ns))
+                        first, second = heads[number]
+                        yield _MAKE(kind, (first, second, data, time_ns, time_ns))
                     else:
                         n_unknown += 1
             for number, count in n_read.items():

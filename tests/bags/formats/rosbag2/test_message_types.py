@@ -58,7 +58,6 @@ def test_a_sourced_installation_comes_first_and_without_one_the_carried_types_se
     ("name", "sentence"),
     [
         ("geometry_msgs/msg/PoseStampd", "did you mean 'geometry_msgs/msg/PoseStamped'"),
-        ("geomtry_msgs/msg/Twst", "did you mean 'geometry_msgs/msg/Twist'"),
         ("geometry_msgs/Pose", "must be written package/msg/Type"),
         ("accel/msg/Accel", r"install the package accel$"),
     ],

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.message_types import store_of
 from serd_bag.messages.clocks import FloatArray
-from serd_bag.messages.fields import store_of
 from serd_bag.messages.plain import Header, decode, header_of, points_of
 from serd_bag.topic import Topic
 

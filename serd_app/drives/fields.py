@@ -6,17 +6,16 @@ Without one, the nearest message with the fields of a pose or of a velocity is t
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from serd_bag.errors import BagError
-from serd_bag.formats.rosbag2.message_types import resolve_type, typestore_of
+from serd_bag.formats.rosbag2.message_types import store_of
 from serd_bag.messages.plain import Header, decode, header_of
 from serd_bag.nearest import hint
-from serd_bag.topic import MessageType, Topic
+from serd_bag.topic import Topic
 
 _HEADER = "std_msgs/msg/Header"
 _DEEPEST = 6
@@ -85,25 +84,6 @@ def field_reader(
             f" name the topic that does, or the paths of its numbers as {key}"
         )
     return FieldReader(topic.type_name, store, found)
-
-
-def store_of(topic: Topic) -> Typestore:
-    """The types of a topic: as recorded, else as installed; BagError where there are none."""
-    return _store(topic.message_type, topic.name)
-
-
-@lru_cache(maxsize=32)
-def _store(recorded: MessageType, topic: str) -> Typestore:
-    try:
-        resolved = resolve_type(recorded)
-        return typestore_of(resolved)
-    except BagError as error:
-        raise BagError(f"{topic}: the bag has no message definitions; {error}") from None
-    except Exception as error:  # a recorded text may be anything
-        raise BagError(
-            f"{topic}: the definition of {recorded.name} in the bag must be that of a message, got"
-            f" {type(error).__name__}; name another topic in the mapping"
-        ) from None
 
 
 def _located(
