@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -85,11 +84,6 @@ def read_mapping(file: Path | None, paths: Sequence[Path]) -> DriveMapping | Non
     if len(kinds) > 1:
         raise AppError(f"--mapping must be for bags or for tables, got {file} for both")
     return load_yaml_model(file, kinds.pop())
-
-
-def read_recordings(paths: Sequence[Path], **options: Any) -> list[Recording]:
-    """Bags or tables in the order given; options: as of `read_recording`."""
-    return [read_recording(path, **options) for path in paths]
 
 
 def read_recording(

@@ -18,18 +18,11 @@ class Excerpt:
     """The part of a bag that is played.
 
     topics: full names; start_s, duration_s: bag time after the first message, by log times.
-    Raises BagError where the start is below 0 or the duration is not above it.
     """
 
     topics: frozenset[str]
     start_s: float = 0.0
     duration_s: float = math.inf
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.start_s) and self.start_s >= 0):
-            raise BagError(f"start must be finite and at least 0 s, got {self.start_s}")
-        if not self.duration_s > 0:
-            raise BagError(f"duration must be above 0 s, got {self.duration_s}")
 
     def messages(self, reader: BagReader) -> Iterator[RawMessage]:
         """Messages in the order of the bag; BagError where the bag is damaged."""
@@ -49,14 +42,12 @@ class Playback:
         while not playback.finished:
             publish(playback.due(time.monotonic()))
 
-    The replay starts at the first `due`. rate: seconds of bag time in a second of wall time;
-    BagError where it is not above 0. It ends at the first BagError of the messages, whose text is
-    `damage` then; the messages before are played.
+    The replay starts at the first `due`. rate: seconds of bag time in a second of wall time, above
+    0. It ends at the first BagError of the messages, whose text is `damage` then; the messages
+    before are played.
     """
 
     def __init__(self, messages: Iterable[RawMessage], *, rate: float = 1.0) -> None:
-        if not (math.isfinite(rate) and rate > 0):
-            raise BagError(f"rate must be finite and above 0, got {rate}")
         self.damage = ""
         self._rest: Iterator[RawMessage] = iter(messages)
         self._next = self._following()
