@@ -53,10 +53,23 @@ class Client:
 
 
 @pytest.fixture
-def driving(nodes, probe, start_robot, save_model_of):
+def model(save_model_of):
+    return save_model_of()
+
+
+@pytest.fixture
+def late_text(model):
+    """That of the model, whose file is not there yet."""
+    text = model.read_text()
+    model.unlink()
+    return text
+
+
+@pytest.fixture
+def driving(nodes, probe, start_robot, model):
     """The client of a robot that drives by stack `robot`, and the logs of both."""
     start_robot()
-    nodes.start_stack("robot", model=str(save_model_of()), strategy__patience_decisions=0)
+    nodes.start_stack("robot", model=str(model), strategy__patience_decisions=0)
 
     def logs():
         return "\n".join(nodes.log_of(name) for name in ("strategy", "standin_robot"))
@@ -65,9 +78,25 @@ def driving(nodes, probe, start_robot, save_model_of):
     assert "internal error" not in nodes.log_of("strategy")
 
 
-def test_an_early_goal_is_driven_to_its_pose_and_a_burst_plans_for_the_newest(driving):
-    client, logs = driving
-    _, early = client.send(3.3, 3.6, math.pi / 2)  # no pose is known yet
+def test_a_goal_before_the_model_is_driven_to_its_pose_and_a_burst_plans_for_the_newest(
+    late_text, driving, model, probe
+):
+    (client, logs), health = driving, probe.health()
+
+    def waits_for(words):
+        said = f"waiting for {words}"
+        probe.spin_until(lambda: any(said in each.message for each in health), seen=logs)
+        probe.spin_until(lambda: logs().count(said) == 1, seen=logs)
+
+    waits_for(f"the model file {model}, or")
+    assert not client.ask(9.0, 3.0).accepted  # no cell
+    handle, cancelled = client.send(4.5, 2.5)
+    handle.cancel_goal_async()
+    assert client.result(cancelled, logs)[0] == GoalStatus.STATUS_CANCELED
+    _, early = client.send(3.3, 3.6, math.pi / 2)
+    model.write_text(late_text[: len(late_text) // 2])  # as while it is copied
+    waits_for(f"a usable model, and looking again when the file changes: {model}, ")
+    model.write_text(late_text)
     assert client.result(early, logs) == (GoalStatus.STATUS_SUCCEEDED, 0)
     place = from_pose(client.feedback[-1].current_pose.pose)
     assert math.dist(place[:2], (3.3, 3.6)) < 0.35
