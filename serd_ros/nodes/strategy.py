@@ -123,6 +123,8 @@ class Goal:
             self.client.end(how, reason, code)
 
 
+#: A plan that was made, with its line in the log and when it was begun by wall time (s).
+Planned = tuple[Wanted, Strategy, str, float]
 #: A goal in a frame that /tf has not had yet, one that is being planned for, that of the drive.
 Stage = Literal["early", "asked", "driven"]
 
@@ -326,7 +328,7 @@ class Navigating(Activity):
         if self._navigator.has_plan:
             self._reporter.show_policy(self._navigator.strategy)
         else:
-            self._reporter.report_lack(self._lack)
+            self._node.report(0.0, {}, level=WARN, message=f"waiting for {self._lack}")
 
     def _on_model(self, message: String) -> None:
         """Use the model that a learner in the same graph has just learned."""
@@ -357,13 +359,13 @@ class Navigating(Activity):
             return
 
         def planned() -> Planned:
-            return Planned(wanted, self._navigator.solve(wanted), what, began_s)
+            return wanted, self._navigator.solve(wanted), what, began_s
 
         if self._navigator.has_plan and not self._config.lockstep:
             self._plans.begin(planned)
             return
         try:
-            self._take_plan(planned())
+            self._take_plan(*planned())
         except USER_ERRORS as error:
             self._refuse_plan(error)
 
@@ -373,8 +375,8 @@ class Navigating(Activity):
             early = self._goals.pop("early")
             self._take_goal(early.message, early.client)
         found = self._plans.poll()
-        if isinstance(found, Planned):
-            self._take_plan(found)
+        if isinstance(found, tuple):
+            self._take_plan(*found)
         elif isinstance(found, USER_ERRORS):
             self._refuse_plan(found)
         elif found is not None:
@@ -387,12 +389,12 @@ class Navigating(Activity):
             self._take_forecast()
         self._look_after_clients()
 
-    def _take_plan(self, planned: "Planned") -> None:
+    def _take_plan(self, wanted: Wanted, strategy: Strategy, what: str, began_s: float) -> None:
         """Drive by a plan; where it is of a goal, the drive to it begins."""
-        if self._navigator.use(planned.wanted, planned.strategy):
+        if self._navigator.use(wanted, strategy):
             self._records.discard_prediction()
-            self.runner.set_scenario(planned.strategy.scenario)
-        self._reporter.report_plan(planned.strategy, planned.what, planned.began_s)
+            self.runner.set_scenario(strategy.scenario)
+        self._reporter.report_plan(strategy, what, began_s)
         if "asked" in self._goals:
             self._begin_drive(self._goals.pop("asked"))
 
@@ -478,16 +480,6 @@ class Navigating(Activity):
             remaining_s=remaining_s,
             distance_m=float(np.hypot(*np.diff(way_m, axis=0).T).sum()),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Planned:
-    """A plan that was made; what: for its line in the log; began_s: wall time."""
-
-    wanted: Wanted
-    strategy: Strategy
-    what: str
-    began_s: float
 
 
 _LOG_PERIOD_S = 5.0
@@ -584,10 +576,6 @@ class StrategyReporter:
         """Report a goal or a model that cannot be used."""
         self._node.get_logger().warning(f"refused: {error}")
         self._node.report(self.time_s, {}, level=WARN, message=f"refused: {error}")
-
-    def report_lack(self, lack: str) -> None:
-        """Report what the first plan waits for."""
-        self._node.report(self.time_s, {}, level=WARN, message=f"waiting for {lack}")
 
     def report_give_up(self, reason: str) -> None:
         """Report the end of a drive that did not arrive."""

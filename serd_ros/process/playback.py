@@ -6,39 +6,32 @@ order of the bag, each at its log time; a log time that steps back is due at onc
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage
 
 
-@dataclass(frozen=True)
-class Excerpt:
-    """The part of a bag that is played.
+def excerpt(
+    reader: BagReader, topics: frozenset[str], start_s: float = 0.0, duration_s: float = math.inf
+) -> Iterator[RawMessage]:
+    """Messages of a part of a bag in its order; BagError where the bag is damaged.
 
     topics: full names; start_s, duration_s: bag time after the first message, by log times.
     """
-
-    topics: frozenset[str]
-    start_s: float = 0.0
-    duration_s: float = math.inf
-
-    def messages(self, reader: BagReader) -> Iterator[RawMessage]:
-        """Messages in the order of the bag; BagError where the bag is damaged."""
-        first_ns: int | None = None
-        for message in reader.messages(self.topics):
-            if first_ns is None:
-                first_ns = message.log_time_ns
-            passed_s = (message.log_time_ns - first_ns) / 1e9
-            if self.start_s <= passed_s < self.start_s + self.duration_s:
-                yield message
+    first_ns: int | None = None
+    for message in reader.messages(topics):
+        if first_ns is None:
+            first_ns = message.log_time_ns
+        passed_s = (message.log_time_ns - first_ns) / 1e9
+        if start_s <= passed_s < start_s + duration_s:
+            yield message
 
 
 class Playback:
     """One replay: which messages are due at a time of a wall clock.
 
-        playback = Playback(Excerpt(topics).messages(reader), rate=2.0)
+        playback = Playback(excerpt(reader, topics), rate=2.0)
         while not playback.finished:
             publish(playback.due(time.monotonic()))
 

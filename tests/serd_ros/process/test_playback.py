@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, selected_topics
-from serd_ros.process.playback import Excerpt, Playback
+from serd_ros.process.playback import Playback, excerpt
 
 
 def recorded(*times_s):
@@ -53,10 +53,8 @@ def test_every_message_comes_once_and_in_order(times_s, walls_s, rate):
 def test_an_excerpt_starts_and_ends_at_the_given_seconds(small_bag):
     reader = BagReader(small_bag())
     topics = selected_topics(reader.topics, ["robot_pose"])
-    excerpt = Excerpt(topics, start_s=1.0, duration_s=0.5)
-    assert [m.log_time_ns for m in excerpt.messages(reader)] == [
-        11 * 10**9 + n * 5 * 10**7 for n in range(10)
-    ]
+    found = excerpt(reader, topics, start_s=1.0, duration_s=0.5)
+    assert [m.log_time_ns for m in found] == [11 * 10**9 + n * 5 * 10**7 for n in range(10)]
 
 
 def test_topics_are_found_without_their_slash_and_none_means_all():
