@@ -16,7 +16,9 @@ from serd_app.drives.drive import END
 from serd_cli.processes.workspace import node_command
 from serd_ros.convert.diagnostics import from_episode_message, values_of
 from serd_ros.convert.motion import to_pose_stamped
+from serd_ros.convert.typed import from_guard_state
 from serd_ros.endpoints import qos
+from serd_ros.endpoints.topic_types import TYPES
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 NAV2 = "--nav2-output", "cmd_vel"
@@ -64,6 +66,9 @@ def test_a_robot_whose_tf_is_wrong_stands_and_goes_on_after_a_second_look(
         guard.update(values_of(message, "guard") or {})
 
     probe.subscribe(DiagnosticArray, "diagnostics", take)
+    kind = TYPES["guard_state"].message
+    take_state = lambda data: guard.update(from_guard_state(data))  # noqa: E731
+    probe.node.create_subscription(kind, "guard_state", take_state, qos.LATCHED, raw=True)
     probe.subscribe(Twist, "cmd_vel", lambda message: speeds.append(message.linear.x))
     disturb = probe.node.create_publisher(String, "disturb", qos.COMMAND)
 

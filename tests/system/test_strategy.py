@@ -31,8 +31,7 @@ class Watch:
         probe.subscribe(MarkerArray, "markers/arrival", self.texts.append, qos.LATCHED)
         probe.subscribe(PoseStamped, "robot_pose", self._take_pose)
         self.situation, kind = "", TYPES["decision"].message
-        profile = {"qos_profile": qos.LATCHED, "raw": True}
-        probe.node.create_subscription(kind, "decision", self._take_decision, **profile)
+        probe.node.create_subscription(kind, "decision", self._take_decision, qos.LATCHED, raw=True)
 
     def reported(self, words):
         return any(words in each.message for each in self.health if each.name == "strategy")
