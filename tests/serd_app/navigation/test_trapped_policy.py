@@ -66,7 +66,6 @@ def test_what_is_forecast_is_the_arrival_of_what_is_driven(save_model_of):
     assert forecast.probability == chain.cdf[-1][forecast.state]
     assert forecast.probability > 0.99
     assert (forecast.by_time, forecast.trapped) == (True, False)
-    assert forecast.by_time
     assert forecast.needs_attention
     assert forecast.summary.endswith("with 100%, by the way of least expected time")
     assert forecast.situation.startswith("driving the way of least expected time, as the learned")
