@@ -19,10 +19,10 @@ class FileWatch:
 
     def __init__(self, path: str | Path) -> None:
         self._path = Path(path)
-        self._mark = self._look()
+        self._mark: Mark | None = None
 
     def changed(self) -> bool:
-        """Whether it is another file than at the last call, or than at the beginning."""
+        """Whether it is another file than at the last call; at the first, whether there is one."""
         mark = self._look()
         if mark is None or mark == self._mark:
             return False

@@ -30,9 +30,11 @@ from lab.faults.robots import robot_named
 from serd_app.drives.drive import END
 from serd_cli.processes.workspace import stack_processes
 from serd_files.table import OptionalFloat, Row, RowTable, columns_of
-from serd_ros.convert.diagnostics import from_episode_message, values_of
+from serd_ros.convert.diagnostics import from_episode_message
 from serd_ros.convert.motion import to_pose_stamped, to_twist
+from serd_ros.convert.typed import from_guard_state
 from serd_ros.endpoints import qos
+from serd_ros.endpoints.topic_types import TYPES
 from serd_ros.graph.graph import find_stack
 from serd_sim.errors import SimError
 from serd_sim.world.command import Command
@@ -110,9 +112,8 @@ class Field:
         self._drivers: dict[str, Any] = {}
         node.create_subscription(String, self._name("measured"), self._on_measured, 10)
         node.create_subscription(DiagnosticArray, self._name("episode"), self._on_mark, qos.STATE)
-        node.create_subscription(
-            DiagnosticArray, self._name("diagnostics"), self._on_health, qos.STATE
-        )
+        kind, name = TYPES["guard_state"].message, self._name("guard_state")
+        node.create_subscription(kind, name, self._on_guard, qos.LATCHED, raw=True)
 
     def _name(self, topic: str) -> str:
         return f"{self._namespace}/{topic}"
@@ -129,11 +130,8 @@ class Field:
         else:
             self.n_begun += 1
 
-    def _on_health(self, message: DiagnosticArray) -> None:
-        values = values_of(message, "guard")
-        if values is None:
-            return
-        self.guard = values
+    def _on_guard(self, data: bytes) -> None:
+        values = self.guard = from_guard_state(data)
         wrong = [
             each
             for each in values["reasons"].split(", ")

@@ -214,7 +214,8 @@ class Standin(Node):  # type: ignore[misc]  # rclpy has no types
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
     def _follow(self, message: Twist) -> None:
-        self._commands.receive(Command(message.linear.x, message.angular.z), self.now_s())
+        command = Command(message.linear.x, message.angular.z)
+        self._commands.receive(command, self._stepped_s)  # one of after a step would stop in it
 
     def _disturb(self, message: String) -> None:
         name = message.data

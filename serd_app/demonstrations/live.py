@@ -43,7 +43,7 @@ class GatheredDecisions:
         return concatenate_renumbered(known)
 
 
-class LiveDrive(DriveSessions):
+class LiveDrive(DriveSessions, GatheredDecisions):
     """Collects robot_pose, intent and episode as they come; gives the decisions of a bag of them.
 
     earlier: demonstrations known before.
@@ -57,23 +57,18 @@ class LiveDrive(DriveSessions):
         wait_s: float,
         earlier: TimedDecisions | None = None,
     ) -> None:
-        super().__init__(source)
-        self._gathered = GatheredDecisions(grid, patience_s, wait_s, earlier)
-
-    @property
-    def report(self) -> DiscretisationReport | None:
-        """What was left out of the last session."""
-        return self._gathered.report
+        DriveSessions.__init__(self, source)
+        GatheredDecisions.__init__(self, grid, patience_s, wait_s, earlier)
 
     def gathered(self, *, unfinished: bool = True) -> TimedDecisions:
         """All episodes so far; unfinished: also decisions of the episode still being driven."""
         *before, last = (session.drive() for session in self.sessions)
         if not unfinished and last.episodes and last.episodes[-1].outcome == CUT_OFF:
             last = replace(last, episodes=last.episodes[:-1])
-        return self._gathered.of_drives([*before, last])
+        return self.of_drives([*before, last])
 
 
-class MappedLiveDrive:
+class MappedLiveDrive(GatheredDecisions):
     """Collects the topics of a mapping as they come; gives the decisions of a bag of them.
 
     n_ended: episodes that had ended at the last `look`. n_late, caught_up: as of `LiveDrive`; what
@@ -88,15 +83,10 @@ class MappedLiveDrive:
         wait_s: float,
         earlier: TimedDecisions | None = None,
     ) -> None:
+        super().__init__(grid, patience_s, wait_s, earlier)
         self.mapping, self.n_ended, self.n_late, self.caught_up = mapping, 0, 0, True
-        self._gathered = GatheredDecisions(grid, patience_s, wait_s, earlier)
         self._messages: MappedMessages | None = None
         self.n_messages = 0
-
-    @property
-    def report(self) -> DiscretisationReport | None:
-        """What was left out."""
-        return self._gathered.report
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -123,7 +113,7 @@ class MappedLiveDrive:
 
     def gathered(self, *, unfinished: bool = True) -> TimedDecisions:
         """All episodes so far; unfinished: also decisions of the episode still being driven."""
-        return self._gathered.of_drives([self._drive(unfinished=unfinished)])
+        return self.of_drives([self._drive(unfinished=unfinished)])
 
     def _drive(self, *, unfinished: bool) -> RecordedDrive:
         if self._messages is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from serd_app.errors import AppError
 from serd_app.navigation.comparison import Comparison, arrival_times_s, compare, predicted_law
-from serd_app.navigation.navigator import ArrivalRecords, Navigator
+from serd_app.navigation.navigator import ArrivalRecords, Navigator, planned_navigator
 from serd_app.navigation.settings import DriveSettings
 from serd_bag.files import read_text, require_folder
 from serd_core.grid.grid import Action
@@ -51,7 +51,7 @@ def navigate(settings: DriveSettings, output: Path | None, drive_all: Drive) -> 
     drive_all: as `drive`, in this process or by nodes. SerdError or FileError for an option that
     does not fit the model or the place, before anything drives, and for a folder of another drive.
     """
-    navigator = Navigator(settings.place(), settings)
+    navigator = planned_navigator(settings)
     strategy = navigator.strategy
     start_states_of(strategy.scenario, strategy.problem.grid, settings.start_area)
     make_planner(strategy.scenario)
@@ -131,7 +131,7 @@ def drive(
     output: folder that gets each row as it comes, none when None. navigator: planned by these
     settings, None to plan here.
     """
-    navigator = navigator or Navigator(settings.place(), settings)
+    navigator = navigator or planned_navigator(settings)
     records, results = ArrivalRecords(output), finished_episodes(settings, output)
 
     def observe(observation: Observation, _: Command, __: Action) -> bool:

@@ -17,6 +17,7 @@ from pydantic import Field
 from serd_app.demonstrations.decision_table import load_decisions, save_decisions
 from serd_app.demonstrations.live import LiveDrive, MappedLiveDrive
 from serd_app.drives.mapping import BagMapping
+from serd_app.learning.learning_files import until_goal
 from serd_app.learning.methods import FitProgress, ProgressCallback
 from serd_app.learning.outcome import FitOutcome
 from serd_bag.errors import FileError
@@ -27,7 +28,7 @@ from serd_core.grid.navigation import features_of_flow
 from serd_core.learners.fit_result import FitResult
 from serd_files.errors import USER_ERRORS
 from serd_files.yaml_config import StrictModel, load_yaml_model, save_yaml_model
-from serd_sim.scenario.grid import flow_of, grid_of
+from serd_sim.scenario.grid import flow_of, goal_states_of, grid_of
 from serd_sim.scenario.scenario import Scenario
 
 _STOP_TIMEOUT_S = 10.0
@@ -121,7 +122,9 @@ class LearnerMemory:
         self.folder = CheckpointFolder(folder, scenario)
         loaded = self.folder.load()
         self._checkpoint, earlier = (self.folder.new(), None) if loaded is None else loaded
-        self.decisions = earlier
+        self._goals = goal_states_of(scenario, grid)
+        #: To learn from, which those in the goal are not.
+        self.decisions = None if earlier is None else until_goal(earlier, self._goals)
         given = grid, scenario.patience_s, scenario.wait_s, earlier
         self.drive: LiveDrive | MappedLiveDrive = (
             LiveDrive("live topics", *given)
@@ -161,9 +164,10 @@ class LearnerMemory:
 
     def gather(self, *, unfinished: bool) -> TimedDecisions:
         """Everything observed, which is written too; unfinished: see `LiveDrive.gathered`."""
-        self.decisions = self.drive.gathered(unfinished=unfinished)
-        self.folder.save_decisions(self.decisions)
-        return self.decisions
+        gathered = self.drive.gathered(unfinished=unfinished)
+        self.folder.save_decisions(gathered)
+        self.decisions = until_goal(gathered, self._goals)
+        return gathered
 
     def save_progress(self, progress: FitProgress) -> None:
         """Write where an unfinished fit stands; the weights only of the fit to all episodes."""

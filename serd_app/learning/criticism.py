@@ -134,11 +134,6 @@ def criticise(found: Criticised, rng: np.random.Generator) -> tuple[Check, ...]:
     return tuple(checks)
 
 
-def failure_of(checks: Sequence[Check]) -> str:
-    """Return the sentence of the first check that fails, empty where none does."""
-    return next((each.sentence for each in checks if each.mark == "fails"), "")
-
-
 def _counts_alone(found: Criticised, n_drives: int) -> Check:
     moves, succeeded = _intended(found)
     what = f"{counted(n_drives, 'drive')} support{'s' if n_drives == 1 else ''} no claim but counts"

@@ -14,13 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from serd_app.navigation.settings import NavigationSettings
+from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_core.arrays import FloatArray
 from serd_core.arrival.arriving_policy import TRAP_PROBABILITY
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.arrival.law import ArrivalLaw
 from serd_core.grid.grid import Action
-from serd_files.errors import USER_ERRORS
 from serd_files.model_file import ModelFile, load_model
 from serd_files.table import EpisodeResult, OptionalFloat, append_row, columns_of
 from serd_sim.drivers.policy_driver import PolicyDriver
@@ -165,17 +164,20 @@ class ProgressMonitor:
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """What to plan for: the place with its goal, and the model with its name for tables."""
+    """What to plan for: the place with its goal, and the model with its name for tables.
+
+    file: None until there is a model.
+    """
 
     scenario: Scenario
-    file: ModelFile
+    file: ModelFile | None
     name: str
 
 
 class Navigator:
-    """Drives by the policy of a model file; fits the `Driver` protocol.
+    """Drives by the policy of a model, once `use` has a plan; fits the `Driver` protocol.
 
-    model: path or name of the one in use. forecast: that of the last decision. gave_up: the reason
+    forecast: that of the last decision. gave_up: the reason
     to give the episode up, None to go on. waits_for_law: whether decisions before the law of
     arrival is known (`Strategy.has_law`) have no forecast until `complete_forecast`; else they
     compute it.
@@ -186,14 +188,14 @@ class Navigator:
     ) -> None:
         self.settings = settings
         self.name, self.waits_for_law = "strategy", waits_for_law
-        file = load_model(settings.model)
-        self.wanted = Wanted(with_goal(scenario, settings.goal), file, settings.model)
-        self.model = settings.model
+        #: What the plan is for, and what is to be planned for next.
+        self._used = self.wanted = Wanted(with_goal(scenario, settings.goal), None, settings.model)
         self._monitor = ProgressMonitor(settings)
-        self.strategy = self._solved(self.wanted)
+        self._strategy: Strategy | None = None
+        grid = grid_of(scenario)
         self._driver = PolicyDriver(
-            self.strategy.problem.grid,
-            self.strategy.policy.probabilities,
+            grid,
+            np.full((grid.n_states, len(Action)), 1 / len(Action)),
             seed=settings.seed,
             greedy=settings.policy == "optimal",
             name=self.name,
@@ -202,6 +204,23 @@ class Navigator:
         self._decision: tuple[float, int, Action] | None = None
         self.gave_up: GiveUp | None = None
         self.forecast: ArrivalForecast | None = None
+
+    @property
+    def model(self) -> str:
+        """Path or name of the model in use."""
+        return self._used.name
+
+    @property
+    def has_plan(self) -> bool:
+        """Whether there was a model to plan by."""
+        return self._strategy is not None
+
+    @property
+    def strategy(self) -> Strategy:
+        """The plan; SimError where there is none yet."""
+        if self._strategy is None:
+            raise SimError(f"there is no plan, as no model has come; learn {self.wanted.name}")
+        return self._strategy
 
     def change(self, settings: NavigationSettings) -> None:
         """Give up by other settings from now on; nothing else is taken from them."""
@@ -250,24 +269,6 @@ class Navigator:
             by_time=state >= 0 and bool(self.strategy.by_time[state]),
         )
 
-    def set_goal(self, x_m: float, y_m: float) -> None:
-        """Plan for the cell at a point; SimError where there is none."""
-        self.want_goal(x_m, y_m)
-        self.use(self.wanted, self.solve(self.wanted))
-
-    def set_model(self, path: str) -> None:
-        """Plan by another model file, or by the same one read again; FileError if unusable."""
-        self.use_model(load_model(path), path)
-
-    def use_model(self, file: ModelFile, name: str) -> None:
-        """Plan by a model under a name for tables; an equal model changes the name only."""
-        self.want_model(file, name)
-        try:
-            self.use(self.wanted, self.solve(self.wanted))
-        except USER_ERRORS:
-            self.keep_plan()
-            raise
-
     def check_goal(self, x_m: float, y_m: float, here: Observation | None) -> None:
         """Raise a SimError where no way leads from here to the cell at a point, or there is none.
 
@@ -287,35 +288,23 @@ class Navigator:
         """Ask for a plan for the cell at a point; SimError where there is none."""
         self.wanted = replace(self.wanted, scenario=goal_at(self.wanted.scenario, x_m, y_m))
 
-    def want_model(self, file: ModelFile, name: str) -> None:
-        """Ask for a plan by a model."""
+    def want_model(self, file: ModelFile | None, name: str) -> None:
+        """Ask for a plan by a model, under a name for tables; None to wait for one."""
         self.wanted = replace(self.wanted, file=file, name=name)
+
+    def plan(self) -> None:
+        """Plan for what is wanted and drive by it; FileError where the model is unusable."""
+        self.use(self.wanted, self.solve(self.wanted))
 
     def keep_plan(self) -> None:
         """Ask for nothing but the plan that there is."""
-        self.wanted = Wanted(self.strategy.scenario, self.strategy.file, self.model)
+        self.wanted = self._used
 
     def solve(self, wanted: Wanted) -> Strategy:
         """The plan for what is wanted, in any thread; the present one where that is the same."""
-        same_goal = wanted.scenario.goal_area_m == self.strategy.scenario.goal_area_m
-        if same_goal and wanted.file == self.strategy.file:
-            return self.strategy
-        return self._solved(wanted)
-
-    def use(self, wanted: Wanted, strategy: Strategy) -> None:
-        """Drive by a plan from `solve`."""
-        self.model = wanted.name
-        if strategy is not self.strategy:
-            self.strategy = strategy
-            self._driver.follow(strategy.policy.probabilities)
-            self._monitor.reset()
-
-    def way_m(self, observation: Observation) -> FloatArray:
-        """(N, 2) the way of the greedy policy from here."""
-        state = self.strategy.problem.grid.state_at(observation.x_m, observation.y_m)
-        return self.strategy.intended_path_m(state) if state >= 0 else np.zeros((0, 2))
-
-    def _solved(self, wanted: Wanted) -> Strategy:
+        present, area_m = self._strategy, wanted.scenario.goal_area_m
+        if present and (wanted.file, area_m) == (present.file, present.scenario.goal_area_m):
+            return present
         strategy = load_strategy(
             wanted.name,
             wanted.scenario,
@@ -327,6 +316,29 @@ class Navigator:
         )
         _ = strategy.traps  # planned here, not where it is used
         return strategy
+
+    def use(self, wanted: Wanted, strategy: Strategy) -> bool:
+        """Drive by a plan from `solve`; returns whether it is another than before."""
+        self._used, before = wanted, self._strategy
+        if strategy is before:
+            return False
+        self._strategy = strategy
+        self._driver.follow(strategy.policy.probabilities)
+        self._monitor.reset()
+        return True
+
+    def way_m(self, observation: Observation) -> FloatArray:
+        """(N, 2) the way of the greedy policy from here."""
+        state = self.strategy.problem.grid.state_at(observation.x_m, observation.y_m)
+        return self.strategy.intended_path_m(state) if state >= 0 else np.zeros((0, 2))
+
+
+def planned_navigator(settings: DriveSettings) -> Navigator:
+    """One with the plan by the model of the settings; FileError where it is unusable."""
+    navigator = Navigator(settings.place(), settings)
+    navigator.want_model(load_model(settings.model), settings.model)
+    navigator.plan()
+    return navigator
 
 
 @dataclass(frozen=True)

@@ -125,16 +125,11 @@ def _speeds_of_base(twist: Twist, base: PlanarPose) -> tuple[float, float]:
     return east_mps * math.cos(base[2]) + north_mps * math.sin(base[2]), turn_radps
 
 
-def from_goal_message(message: PoseStamped, frames: Frames = NO_FRAMES) -> tuple[float, float]:
-    """(x_m, y_m) of a goal in the map; its orientation is ignored."""
-    x_m, y_m = _position(message.pose)
-    return frames.pose_in(topics.MAP_FRAME, message.header.frame_id, (x_m, y_m, 0.0))[:2]
-
-
 def from_goal_pose(message: PoseStamped, frames: Frames = NO_FRAMES) -> GoalPose:
     """A goal in the map; one without a heading where its quaternion is not one, as of zeros."""
     turn = message.pose.orientation
-    x_m, y_m = from_goal_message(message, frames)
+    place = *_position(message.pose), 0.0
+    x_m, y_m = frames.pose_in(topics.MAP_FRAME, message.header.frame_id, place)[:2]
     if not math.isclose(math.hypot(turn.x, turn.y, turn.z, turn.w), 1.0, abs_tol=_UNIT_TOLERANCE):
         return GoalPose(x_m, y_m)
     return GoalPose(x_m, y_m, from_pose_stamped(message, frames)[1][2])

@@ -17,13 +17,16 @@ from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_core.grid.grid import direction_of_action
 from serd_ros.convert.stamp import to_stamp
 from serd_ros.endpoints import topics
+from serd_ros.errors import MessageError
+from serd_sim.safety.reasons import GuardAction
 
 if TYPE_CHECKING:  # all nodes import this module, and few load SciPy
     from serd_app.navigation.navigator import ArrivalForecast
     from serd_core.arrival.law import ArrivalLaw
+    from serd_sim.safety.guard import GuardOutput
 
 PACKAGE = "serd_msgs"
-REPLAYED = f"{PACKAGE}/msg/Replayed"
+REPLAYED, GUARD_STATE = f"{PACKAGE}/msg/Replayed", f"{PACKAGE}/msg/GuardState"
 _DEFINITIONS = Path(__file__).parents[1] / "interfaces"
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)
 _SMALLEST_STEP = 1e-3
@@ -53,6 +56,28 @@ def to_replayed(topic: str, log_times_ns: Sequence[int]) -> bytes:
     times_ns = np.array(log_times_ns, dtype=np.int64)
     message = rosbags_types().types[REPLAYED](topic=topic, log_times=times_ns)
     return bytes(rosbags_types().serialize_cdr(message, REPLAYED))
+
+
+def to_guard_state(output: "GuardOutput", time_s: float) -> bytes:
+    """serd_msgs/GuardState."""
+    return _made(
+        "GuardState", time_s,
+        **{each.name: each.value for each in type(output.action)},
+        action=int(output.action),
+        overridden=output.overridden,
+        reasons=list(map(str, output.reasons)),
+    )  # fmt: skip
+
+
+def from_guard_state(data: bytes) -> dict[str, str]:
+    """The values action, overridden and reasons of a GuardState; MessageError where it is none."""
+    try:
+        message: Any = rosbags_types().deserialize_cdr(data, GUARD_STATE)
+        action = GuardAction(message.action).name
+    except Exception as error:  # rosbags raises what its decoder meets
+        raise MessageError(f"message must be a {GUARD_STATE}", error, "correct it") from None
+    reasons = ", ".join(message.reasons)
+    return {"action": action, "overridden": str(message.overridden), "reasons": reasons}
 
 
 def quantiles_s(law: "ArrivalLaw", shares: Sequence[float]) -> list[float]:

@@ -53,6 +53,7 @@ class EpisodeRunner:
     give_up: why the episode is given up at the decision just taken; empty to go on.
     on_end: called with each finished episode, before the next one begins.
     on_new_session: called when the clock fell back.
+    lack: what the driver still lacks, empty for nothing; episodes wait for it.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class EpisodeRunner:
         give_up: Callable[[], str] = lambda: "",
         on_end: Callable[[EpisodeResult], None] = lambda _: None,
         on_new_session: Callable[[], None] = lambda: None,
+        lack: Callable[[], str] = lambda: "",
     ) -> None:
         self.scenario, self.driver = scenario, driver
         #: The newest observation.
@@ -97,7 +99,7 @@ class EpisodeRunner:
         self._starter = EpisodeStarter(
             endpoints, config.required_nodes,
             on_ready=self.next_episode, on_start=self._begin_episode, on_wait=self._log_waiting,
-            needs_reset=self._resets_world, world_topics=world_topics,
+            needs_reset=self._resets_world, world_topics=world_topics, lack=lack,
         )  # fmt: skip
         self._starter.wait()
 

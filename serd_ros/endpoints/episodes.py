@@ -32,7 +32,8 @@ _ASK_AGAIN_S = 30.0
 class EpisodeStarter:
     """on_ready: called when an episode may begin; on_start: with each episode that the world
     begins; on_wait: with what is missing, when it changes. needs_reset: whether the world is reset;
-    world_topics: those that must not have several publishers.
+    world_topics: those that must not have several publishers. lack: what is missing beside the
+    graph, empty for nothing.
     """
 
     def __init__(
@@ -45,10 +46,11 @@ class EpisodeStarter:
         on_wait: Callable[[str], None],
         needs_reset: bool = True,
         world_topics: Sequence[str] = WORLD_TOPICS,
+        lack: Callable[[], str] = lambda: "",
     ) -> None:
         self.episode: EpisodeStart | None = None
         node = self._node = endpoints.node
-        self._needs_reset, self._world_topics = needs_reset, world_topics
+        self._needs_reset, self._world_topics, self._lack = needs_reset, world_topics, lack
         self._on_ready, self._on_start, self._on_wait = on_ready, on_start, on_wait
         self._readiness = Readiness(node, required_nodes, node.wall_s())
         self._reset = endpoints.client(Trigger, topics.RESET)
@@ -63,7 +65,7 @@ class EpisodeStarter:
 
     @property
     def waiting(self) -> bool:
-        """Whether it waits for the graph."""
+        """Whether something is missing."""
         return self._asked is None and not self._look.is_canceled()
 
     def wait(self) -> None:
@@ -98,7 +100,7 @@ class EpisodeStarter:
                 return
             self._wait_again(f"an answer to reset, for {_ASK_AGAIN_S:g} s")
         several = several_worlds(self._node, self._world_topics)
-        missing = several or self._readiness.missing(self._node.wall_s())
+        missing = several or self._lack() or self._readiness.missing(self._node.wall_s())
         if not missing and self._needs_reset and not self._reset.service_is_ready():
             missing = "the reset service"
         if missing:

@@ -85,6 +85,7 @@ TYPES = {
         ("geometry_msgs/msg/PolygonStamped", qos.LATCHED, topics.GOAL_AREA),
         ("serd_msgs/msg/ArrivalForecast", qos.LATCHED, topics.ARRIVAL),
         ("serd_msgs/msg/Decision", qos.LATCHED, topics.DECISION),
+        (typed.GUARD_STATE, qos.LATCHED, topics.GUARD_STATE),
         (typed.REPLAYED, qos.STATE, topics.REPLAYED),
         ("std_msgs/msg/String", qos.LATCHED, topics.MODEL, topics.ROBOT_DESCRIPTION),
         ("visualization_msgs/msg/MarkerArray", qos.LATCHED, topics.MARKERS_POLICY,

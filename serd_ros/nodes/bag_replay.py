@@ -22,7 +22,7 @@ from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.topic_types import TYPES, message_class
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness
-from serd_ros.process.playback import Excerpt, Playback
+from serd_ros.process.playback import Playback, excerpt
 from serd_ros.process.serd_node import SerdNode
 from serd_ros.settings import BagReplayConfig
 
@@ -54,8 +54,6 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self._replayed = endpoints.publisher(replayed.message, topics.REPLAYED, qos.STATE)
         self._log_times: defaultdict[str, list[int]] = defaultdict(list)
         self._n_subscriptions, self._settling_since_s = 0, now_s
-        played, duration_s = frozenset(self._outlets), config.duration_s or math.inf
-        self._excerpt = Excerpt(played, config.start_s, duration_s)
         self._n_sent = 0
         self._readiness = Readiness(self, config.required_nodes, now_s)
         self._waiting_until_s: float | None = now_s + _WAIT_S
@@ -96,13 +94,16 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
             publisher.wait_for_all_acked(_CONFIRMED_WITHIN)
 
     def _from_the_beginning(self) -> Playback:
-        playback = Playback(self._excerpt.messages(self._reader), rate=self.config.rate)
+        config, played = self.config, frozenset(self._outlets)
+        duration_s = config.duration_s or math.inf
+        messages = excerpt(self._reader, played, config.start_s, duration_s)
+        playback = Playback(messages, rate=config.rate)
         if playback.damage:
             raise NodeError(playback.damage)
         if playback.finished:
             raise NodeError(
-                f"bag {self.config.bag} must hold a message to play, got none from"
-                f" {self.config.start_s:g} s on; begin earlier, play longer or other topics"
+                f"bag {config.bag} must hold a message to play, got none from"
+                f" {config.start_s:g} s on; begin earlier, play longer or other topics"
             )
         return playback
 
@@ -145,18 +146,14 @@ class BagReplayNode(SerdNode[BagReplayConfig]):
         self.get_logger().info(f"waiting for {waited_for}", throttle_duration_sec=2.0)
         return False
 
-    def _bag_time_s(self) -> float:
-        return self._playback.bag_time_ns(self.wall_s()) * 1e-9
-
     def _report_playback(self) -> None:
         if self._waiting_until_s is not None:
             return
         playback = self._playback
         state = "finished" if playback.finished else "playing"
-        damage = self._playback.damage
+        time_s, damage = playback.bag_time_ns(self.wall_s()) * 1e-9, playback.damage
         values = {"messages": self._n_sent, "rate": self.config.rate, "bag": self.config.bag}
-        level = ERROR if damage else OK
-        self.report(self._bag_time_s(), values, level=level, message=damage or state)
+        self.report(time_s, values, level=ERROR if damage else OK, message=damage or state)
 
     def _end(self) -> None:
         """All sound messages have been played; a damaged bag ends the node with the damage."""

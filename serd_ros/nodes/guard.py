@@ -15,12 +15,14 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from serd_files.settings import setting, setting_of
+from serd_ros.convert import typed
 from serd_ros.convert.diagnostics import OK, WARN
 from serd_ros.convert.motion import PlanarPose, from_any_twist, from_odometry, from_twist_stamped
 from serd_ros.convert.stamp import stamp_s
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import PeopleTopic
 from serd_ros.endpoints.robot import LOCALISATIONS, CommandPublisher, follow_commands, follow_scans
+from serd_ros.endpoints.topic_types import TYPES
 from serd_ros.errors import NodeError
 from serd_ros.graph.graph import Readiness, publishers_of
 from serd_ros.process.serd_node import SerdNode
@@ -95,9 +97,11 @@ class GuardNode(SerdNode[GuardConfig]):
         self._readiness = Readiness(self, config.required_nodes, self.wall_s())
         self._clock_s, self._clock_wall_s = -1.0, self.wall_s()
         self._stepped_wall_s = self._reported_wall_s = 0.0
-        self._reported: GuardOutput | None = None
+        self._reported: object = None
         endpoints, stamped = self.endpoints, config.stamped_cmd_vel or config.lockstep
         self._commands = CommandPublisher(endpoints, topics.CMD_VEL, stamped=stamped)
+        kind = TYPES[topics.GUARD_STATE].message
+        self._states = endpoints.publisher(kind, topics.GUARD_STATE, qos.LATCHED)
         inputs = self._inputs = endpoints.scope()
         self._localisation = LOCALISATIONS[config.pose_from](inputs, self._take_pose)
         inputs.subscribe(Odometry, topics.ODOM, self._on_odometry, qos.STATE)
@@ -244,18 +248,13 @@ class GuardNode(SerdNode[GuardConfig]):
 
     def _report_change(self, output: GuardOutput, now_s: float) -> None:
         """Report at once when action, reasons or override change, else now and then."""
-        last = self._reported
-        state = output.action, output.reasons, output.overridden
-        changed = last is None or state != (last.action, last.reasons, last.overridden)
-        wall_s = self.wall_s()
-        if not changed and wall_s - self._reported_wall_s < _REPORT_PERIOD_S:
+        state, wall_s = (output.action, output.reasons, output.overridden), self.wall_s()
+        if state == self._reported and wall_s - self._reported_wall_s < _REPORT_PERIOD_S:
             return
-        self._reported, self._reported_wall_s = output, wall_s
+        self._reported, self._reported_wall_s = state, wall_s
         ages = self._guard.ages_s(now_s)
+        self._states.publish(typed.to_guard_state(output, now_s))
         values: dict[str, Any] = {
-            "action": output.action.name,
-            "overridden": output.overridden,
-            "reasons": ", ".join(map(str, output.reasons)),
             **{f"age_s.{source.value}": age_s for source, age_s in ages.items()},
             "rejected": sum(self._guard.n_rejected.values()),
             "zero_ranges": self._zeros.sentence(self.config.zero_is),

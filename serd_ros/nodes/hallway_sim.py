@@ -10,6 +10,7 @@ not waited for.
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -214,11 +215,8 @@ class WorldPublisher:
 
     def _counts(self) -> dict[str, float]:
         """Contacts and distances of the running episode."""
-        contacts = self._world.contacts
         return {
-            "robot_on_person": contacts.robot_on_person,
-            "person_on_robot": contacts.person_on_robot,
-            "robot_on_wall": contacts.robot_on_wall,
+            **asdict(self._world.contacts),
             "minimum_person_distance_m": self._world.minimum_person_distance_m,
             "rejected_commands": self._world.n_rejected_commands,
         }

@@ -18,6 +18,7 @@ from serd_app.demonstrations.discretise import demonstrations_of_bag
 from serd_app.demonstrations.live import LiveDrive, MappedLiveDrive
 from serd_app.drives.mapping import BagMapping
 from serd_app.learning.checkpoint import FitWorker, LearnerMemory
+from serd_app.learning.learning_files import until_goal
 from serd_app.learning.methods import FitProgress
 from serd_app.learning.outcome import FitOutcome, save_outcome
 from serd_app.learning.recipe import LearningTask, learn, require_enough, task_in
@@ -263,10 +264,10 @@ class Learning(Activity):
         self._again = self._node.config.learn_on == "episode" and memory.unlearned
 
     def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> TimedDecisions:
-        decisions = memory.gather(unfinished=unfinished)
-        self._save_decisions(decisions)
+        gathered = memory.gather(unfinished=unfinished)
+        self._save_decisions(gathered)
         self._node.get_logger().info(f"in this session {memory.drive.report}")
-        return decisions
+        return until_goal(gathered, self._task.problem.goal_states)
 
     def _on_learn(self, _: Trigger.Request) -> str:
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
@@ -306,7 +307,7 @@ class Learning(Activity):
         self._node.get_logger().info(text)
         write_progress(Progress(text=text))
         self._save_decisions(decisions)
-        return decisions
+        return until_goal(decisions, self._task.problem.goal_states)
 
     @property
     def _mapping_with_goal(self) -> BagMapping | None:

@@ -1,10 +1,10 @@
 """strategy: drives by the learned policy with waypoints and measures times of arrival.
 
 Goals come by the action `navigate_to_pose` or the topic `goal_pose`, and the model (its file, or
-the topic `model` of a learner in the same graph) may change at any time. In lock-step callbacks
-plan directly. Live, plans and laws of arrival are made in threads, for the newest goal alone; the
-present plan is driven meanwhile. A drive arrives in the cell of its goal; from there the robot goes
-on to the pose of the goal.
+the topic `model` of a learner in the same graph) may come and change at any time. The first plan
+and those in lock-step are made in callbacks. Live, others and laws of arrival are made in threads,
+for the newest goal alone; the present plan is driven meanwhile. A drive arrives in the cell of its
+goal; from there the robot goes on to the pose of the goal.
 """
 
 import math
@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from geometry_msgs.msg import PolygonStamped, PoseStamped
@@ -82,12 +83,11 @@ class StrategyNode(SerdNode[StrategyConfig]):
         self._navigator: Navigator | None = None
 
     def configure(self) -> Activate:
-        """Read the model and plan."""
+        """Read the scenario; the model may come later."""
         config, scenario = self.config, load_scenario(self.config.scenario)
         if config.people >= 0:
             scenario = scenario.with_pedestrian_count(config.people)
-        navigator = Navigator(scenario, config, waits_for_law=not config.lockstep)
-        self._navigator = navigator
+        navigator = self._navigator = Navigator(scenario, config, waits_for_law=not config.lockstep)
         records = ArrivalRecords(Path(config.output) if config.output else None)
         file = FileWatch(config.model)
         return partial(Navigating, Plan(navigator, file, records, goal_waits=bool(config.goal)))
@@ -111,15 +111,22 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A goal; client: whose action it is, None of one from a topic."""
+    """A goal; client: whose action it is, None of one from a topic; pose: None of an early one."""
 
-    pose: GoalPose
-    client: ActionGoal | None = None
+    message: PoseStamped
+    client: ActionGoal | None
+    pose: GoalPose | None = None
 
     def end(self, how: action.Ending, reason: str = "", code: int = 0) -> None:
         """Let the client know."""
         if self.client is not None:
             self.client.end(how, reason, code)
+
+
+#: A plan that was made, with its line in the log and when it was begun by wall time (s).
+Planned = tuple[Wanted, Strategy, str, float]
+#: A goal in a frame that /tf has not had yet, one that is being planned for, that of the drive.
+Stage = Literal["early", "asked", "driven"]
 
 
 class Navigating(Activity):
@@ -132,11 +139,7 @@ class Navigating(Activity):
         self._waypoint: Waypoint | None = None
         #: Of the last decision.
         self._decided_at: Observation | None = None
-        #: The goal of the drive, and the one that is being planned for.
-        self._goal: Goal | None = None
-        self._asked: Goal | None = None
-        #: A goal in a frame that /tf has not had yet.
-        self._early: tuple[PoseStamped, ActionGoal | None] | None = None
+        self._goals = dict[Stage, Goal]()
         self._approach: FinalApproach | None = None
         self._plans, self._laws = NewestJob(), NewestJob(niceness=_LAW_NICENESS)
         self._fed_back_wall_s = 0.0
@@ -144,7 +147,9 @@ class Navigating(Activity):
         self._law_of: Strategy | None = None
         self._waypoints = endpoints.publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._reporter = StrategyReporter(endpoints)
-        scenario = plan.navigator.strategy.scenario
+        #: Why there is no plan, while there is none.
+        self._lack = f"the model file {config.model}, or a model on the topic {topics.MODEL}"
+        scenario = plan.navigator.wanted.scenario
         self.runner = EpisodeRunner(
             endpoints, config, scenario, plan.navigator, self._steer, plan.results,
             needs_people=False,  # the policy depends on the robot's cell alone
@@ -152,6 +157,7 @@ class Navigating(Activity):
             give_up=lambda: self._navigator.reason,
             on_end=self._on_end,
             on_new_session=self._on_new_session,
+            lack=lambda: "" if self._navigator.has_plan else self._lack,
         )  # fmt: skip
         if not config.lockstep:
             endpoints.every(REPEAT_PERIOD_S, self._repeat_waypoint)
@@ -162,7 +168,9 @@ class Navigating(Activity):
         PlanningServices(endpoints, plan.navigator, lambda: self.runner.observation)
         if (server := endpoints.node.server) is not None:
             server.taken, server.check = lambda goal: self._take_goal(goal.pose, goal), self._check
-        self._reporter.report_plan(self._navigator.strategy, "start", self._node.wall_s())
+        if self._navigator.has_plan:  # of an earlier activity
+            self._reporter.report_plan(self._navigator.strategy, "start", self._node.wall_s())
+        self._check_model_file()
 
     def deactivate(self) -> None:
         """Discard the drive and its prediction; another one needs a goal anew."""
@@ -175,7 +183,7 @@ class Navigating(Activity):
         """Take no more goals and end those that are there."""
         if self._node.server is not None:
             self._node.server.taken = None
-        self._end_goals("abort", "the strategy ends")
+        self._end_goals("the strategy ends")
 
     def _steer(self, observation: Observation, action: Action) -> None:
         """Publish the waypoint and the forecast it is based on."""
@@ -220,7 +228,8 @@ class Navigating(Activity):
             if approach.failed:
                 self._reporter.report_give_up(approach.failed)
             how: action.Ending = "abort" if approach.failed else "succeed"
-            self._end_goal(how, approach.failed, action.PATIENCE_EXCEEDED * bool(approach.failed))
+            code = action.PATIENCE_EXCEEDED * bool(approach.failed)
+            self._end_goal("driven", how, approach.failed, code)
             return
         waypoint, heading_rad = step
         self._waypoints.publish(
@@ -252,9 +261,11 @@ class Navigating(Activity):
             self._approach = FinalApproach(goal, self._node.config)
             self._reporter.report_goal(goal)
         elif result.outcome == "arrived":
-            self._end_goal("succeed")
+            self._end_goal("driven", "succeed")
         else:
-            self._end_goal("abort", result.reason or result.outcome, action.PATIENCE_EXCEEDED)
+            self._end_goal(
+                "driven", "abort", result.reason or result.outcome, action.PATIENCE_EXCEEDED
+            )
         observation = self.runner.observation
         if observation is not None and self._approach is not None:
             self._go_on(self._approach, observation)
@@ -264,20 +275,21 @@ class Navigating(Activity):
     @property
     def _goal_of_drive(self) -> GoalPose | None:
         """The pose to which the drive leads; None of a goal that is an area."""
-        return None if self._goal is None or self._config.reset else self._goal.pose
+        goal = self._goals.get("driven")
+        return None if goal is None or self._config.reset else goal.pose
 
     def _on_new_session(self) -> None:
         """Discard the prediction and the goals."""
         self._records.discard_prediction()
         self._reporter.time_s, self._plan.goal_waits = 0.0, False
-        self._end_goals("abort", "the clock fell back")
+        self._end_goals("the clock fell back")
 
     def _on_goal(self, message: PoseStamped) -> None:
         self._take_goal(message, None)
 
     def _take_goal(self, message: PoseStamped, client: ActionGoal | None) -> None:
         """Plan for a goal; one in a frame of a robot whose /tf has not come yet waits for it."""
-        self._drop_early("a newer goal came")
+        self._end_goal("early", "abort", "a newer goal came")
         try:
             pose = self._pose_of(message)
         except MessageError as error:
@@ -287,15 +299,11 @@ class Navigating(Activity):
             self._reporter.report_rejection(error)
             return
         if pose is None:
-            self._early = message, client
+            self._goals["early"] = Goal(message, client)
             self._node.get_logger().info(f"the goal in {message.header.frame_id} waits for /tf")
             return
-        goal = Goal(pose, client)
-        self._ask(
-            lambda: self._navigator.want_goal(pose.x_m, pose.y_m),
-            f"goal ({pose.x_m:g}, {pose.y_m:g})",
-            goal,
-        )
+        want = partial(self._navigator.want_goal, pose.x_m, pose.y_m)
+        self._ask(want, f"goal ({pose.x_m:g}, {pose.y_m:g})", Goal(message, client, pose))
 
     def _pose_of(self, message: PoseStamped) -> GoalPose | None:
         """The pose of a goal; None of an early one, which may be sound once /tf has come."""
@@ -312,18 +320,15 @@ class Navigating(Activity):
         if (pose := self._pose_of(message)) is not None:
             self._navigator.check_goal(pose.x_m, pose.y_m, self.runner.observation)
 
-    def _drop_early(self, reason: str, how: action.Ending = "abort") -> None:
-        early, self._early = self._early, None
-        if early is not None and early[1] is not None:
-            early[1].end(how, reason)
-
     def _check_model_file(self) -> None:
-        self._reporter.show_policy(self._navigator.strategy)
-        path = self._config.model
+        path, had_plan = self._config.model, self._navigator.has_plan
         if self._plan.file.changed():
-            self._ask(
-                lambda: self._navigator.want_model(load_model(path), path), f"{path} read again"
-            )
+            what = f"{path} read" + " again" * had_plan
+            self._ask(lambda: self._navigator.want_model(load_model(path), path), what)
+        if self._navigator.has_plan:
+            self._reporter.show_policy(self._navigator.strategy)
+        else:
+            self._node.report(0.0, {}, level=WARN, message=f"waiting for {self._lack}")
 
     def _on_model(self, message: String) -> None:
         """Use the model that a learner in the same graph has just learned."""
@@ -339,34 +344,39 @@ class Navigating(Activity):
         try:
             want()
         except USER_ERRORS as error:
-            if goal is not None:
+            if goal is None:
+                self._refuse_model(error)
+            else:
                 goal.end("abort", str(error), action.GOAL_OUTSIDE_MAP)
-            self._reporter.report_rejection(error)
+                self._reporter.report_rejection(error)
             return
         if goal is not None:
-            self._end_asked("abort", "a newer goal came")
-            self._asked = goal
+            self._end_goal("asked", "abort", "a newer goal came")
+            self._goals["asked"] = goal
         wanted, began_s = self._navigator.wanted, self._node.wall_s()
+        if wanted.file is None:
+            self._node.get_logger().info(f"{what} waits for a model")
+            return
 
         def planned() -> Planned:
-            return Planned(wanted, self._navigator.solve(wanted), what, began_s)
+            return wanted, self._navigator.solve(wanted), what, began_s
 
-        if not self._config.lockstep:
+        if self._navigator.has_plan and not self._config.lockstep:
             self._plans.begin(planned)
             return
         try:
-            self._take_plan(planned())
+            self._take_plan(*planned())
         except USER_ERRORS as error:
             self._refuse_plan(error)
 
     def _attend(self) -> None:
         """Take what threads have done, and look after the clients of goals."""
-        if self._early is not None and self._node.frames.names:
-            early, self._early = self._early, None
-            self._take_goal(*early)
+        if "early" in self._goals and self._node.frames.names:
+            early = self._goals.pop("early")
+            self._take_goal(early.message, early.client)
         found = self._plans.poll()
-        if isinstance(found, Planned):
-            self._take_plan(found)
+        if isinstance(found, tuple):
+            self._take_plan(*found)
         elif isinstance(found, USER_ERRORS):
             self._refuse_plan(found)
         elif found is not None:
@@ -379,17 +389,14 @@ class Navigating(Activity):
             self._take_forecast()
         self._look_after_clients()
 
-    def _take_plan(self, planned: "Planned") -> None:
+    def _take_plan(self, wanted: Wanted, strategy: Strategy, what: str, began_s: float) -> None:
         """Drive by a plan; where it is of a goal, the drive to it begins."""
-        is_new = planned.strategy is not self._navigator.strategy
-        self._navigator.use(planned.wanted, planned.strategy)
-        if is_new:
+        if self._navigator.use(wanted, strategy):
             self._records.discard_prediction()
-            self.runner.set_scenario(planned.strategy.scenario)
-        self._reporter.report_plan(planned.strategy, planned.what, planned.began_s)
-        goal, self._asked = self._asked, None
-        if goal is not None:
-            self._begin_drive(goal)
+            self.runner.set_scenario(strategy.scenario)
+        self._reporter.report_plan(strategy, what, began_s)
+        if "asked" in self._goals:
+            self._begin_drive(self._goals.pop("asked"))
 
     def _begin_law(self) -> None:
         """Compute the law of arrival of the plan that is driven, once."""
@@ -399,52 +406,56 @@ class Navigating(Activity):
             self._laws.begin(lambda: strategy.arrival)
 
     def _refuse_plan(self, error: Exception) -> None:
-        """The plan stays, for the goal that it is for."""
-        self._navigator.keep_plan()
-        self._end_asked("abort", str(error), action.NO_VALID_PATH)
+        """The plan stays, for the goal that it is for; without one, a goal waits on."""
+        if self._navigator.has_plan:
+            self._navigator.keep_plan()
+            self._end_goal("asked", "abort", str(error), action.NO_VALID_PATH)
+        self._refuse_model(error)
+
+    def _refuse_model(self, error: Exception) -> None:
+        """Without a plan, wait for another model."""
+        if not self._navigator.has_plan:
+            self._lack = f"a usable model, and looking again when the file changes: {error}"
+            self._navigator.want_model(None, self._config.model)
         self._reporter.report_rejection(error)
 
     def _begin_drive(self, goal: Goal) -> None:
         """Without resets a goal begins an episode; one that is running leads to it then."""
-        self._end_goal("abort", "a newer goal came")
-        self._goal, self._approach = goal, None
+        self._end_goal("driven", "abort", "a newer goal came")
+        self._goals["driven"], self._approach = goal, None
         if self._config.reset or self.runner.driving:
             return
         self._plan.goal_waits = True
         if self.runner.ready:
             self.runner.next_episode()
 
-    def _end_goal(self, how: action.Ending, reason: str = "", code: int = 0) -> None:
-        goal, self._goal = self._goal, None
-        if goal is not None:
-            goal.end(how, reason, code)
+    def _end_goal(
+        self, stage: "Stage", how: action.Ending, reason: str = "", code: int = 0
+    ) -> None:
+        if stage in self._goals:
+            self._goals.pop(stage).end(how, reason, code)
 
-    def _end_goals(self, how: action.Ending, reason: str) -> None:
-        self._end_goal(how, reason)
-        self._drop_early(reason)
+    def _end_goals(self, reason: str) -> None:
         self._approach = None
-        self._end_asked(how, reason)
-
-    def _end_asked(self, how: action.Ending, reason: str, code: int = 0) -> None:
-        asked, self._asked = self._asked, None
-        if asked is not None:
-            asked.end(how, reason, code)
+        for stage in list(self._goals):
+            self._end_goal(stage, "abort", reason)
 
     def _look_after_clients(self) -> None:
-        asked, goal = self._asked, self._goal
-        if asked is not None and asked.client is not None and asked.client.is_cancelled:
+        is_due = self._node.wall_s() - self._fed_back_wall_s >= _FEEDBACK_PERIOD_S
+        for stage, goal in list(self._goals.items()):
+            if goal.client is not None and goal.client.is_cancelled:
+                self._cancel(stage)
+                self._end_goal(stage, "canceled", "canceled by the client")
+            elif goal.client is not None and stage == "driven" and is_due:
+                self._fed_back_wall_s = self._node.wall_s()
+                self._feed_back(goal.client)
+
+    def _cancel(self, stage: "Stage") -> None:
+        if stage == "driven":
+            self._cancel_drive()
+        elif stage == "asked":
             self._plans.forget()
             self._navigator.keep_plan()
-            self._end_asked("canceled", "canceled by the client")
-        if self._early is not None and self._early[1] is not None and self._early[1].is_cancelled:
-            self._drop_early("canceled by the client", "canceled")
-        if goal is None or goal.client is None:
-            return
-        if goal.client.is_cancelled:
-            self._cancel_drive()
-        elif self._node.wall_s() - self._fed_back_wall_s >= _FEEDBACK_PERIOD_S:
-            self._fed_back_wall_s = self._node.wall_s()
-            self._feed_back(goal.client)
 
     def _cancel_drive(self) -> None:
         """The robot stands where it is."""
@@ -453,7 +464,6 @@ class Navigating(Activity):
         self._plan.goal_waits, self._approach, self._waypoint = False, None, None
         if self.runner.observation is not None:
             self._publish_waypoint(self.runner.observation)
-        self._end_goal("canceled", "canceled by the client")
 
     def _feed_back(self, client: ActionGoal) -> None:
         seen, forecast = self.runner.observation, self._navigator.forecast
@@ -470,16 +480,6 @@ class Navigating(Activity):
             remaining_s=remaining_s,
             distance_m=float(np.hypot(*np.diff(way_m, axis=0).T).sum()),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Planned:
-    """A plan that was made; what: for its line in the log; began_s: wall time."""
-
-    wanted: Wanted
-    strategy: Strategy
-    what: str
-    began_s: float
 
 
 _LOG_PERIOD_S = 5.0
@@ -503,14 +503,17 @@ class StrategyReporter:
         self._text = endpoints.publisher(MarkerArray, topics.MARKERS_ARRIVAL, qos.LATCHED)
 
     def report_plan(self, strategy: Strategy, cause: str, began_s: float) -> None:
-        """Publish a new plan and log its remarks; began_s: wall time when planning began."""
+        """Publish a new plan and report its remarks; began_s: wall time when planning began."""
         area_m = strategy.scenario.goal_area_m
         self._goal.publish(motion.to_goal_area_message(area_m, self.time_s))
         self.show_policy(strategy)
         took_ms = 1e3 * (self._node.wall_s() - began_s)
         self._node.get_logger().info(f"{cause}: planned and published in {took_ms:.1f} ms")
-        for remark in plan_remarks(strategy):
+        remarks = plan_remarks(strategy)
+        for remark in remarks:
             self._node.get_logger().warning(remark)
+        level = WARN if remarks else OK
+        self._node.report(self.time_s, {"remarks": "; ".join(remarks)}, level=level, message=cause)
 
     def show_policy(self, strategy: Strategy) -> None:
         """Publish markers of a policy once, as soon as there are subscribers: a large map takes as
@@ -568,17 +571,10 @@ class StrategyReporter:
                 f"{forecast.summary}",
                 throttle_duration_sec=_LOG_PERIOD_S,
             )
-        values = {
-            "n_trap_states": len(strategy.traps.states),
-            "n_least_time_states": int(strategy.by_time.sum()),
-            "transferred": strategy.transferred,
-        }
-        level = WARN if forecast.needs_attention else OK
-        self._node.report(forecast.time_s, values, level=level, message=forecast.situation)
 
     def report_rejection(self, error: Exception) -> None:
         """Report a goal or a model that cannot be used."""
-        self._node.get_logger().warning(f"refused, the plan stays: {error}")
+        self._node.get_logger().warning(f"refused: {error}")
         self._node.report(self.time_s, {}, level=WARN, message=f"refused: {error}")
 
     def report_give_up(self, reason: str) -> None:

@@ -224,6 +224,10 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
         was_silent, self._is_silent = self._is_silent, self._hears_too_little()
         if late_s > _ABSENCE_S or was_silent != self._is_silent or self._planner_fell_silent():
             self._interrupt()
+        is_guarded = (self._view.guard or {}).get("overridden") != str(True)
+        if is_guarded != self._is_guarded:
+            self.notify("the guard is on" if is_guarded else "the guard is OVERRIDDEN")
+        self._is_guarded = is_guarded
         present = self.attend()
         if present and self.mode == "directions" and self._is_driving and not self._is_silent:
             self._gone.publish(Bool(data=False))
@@ -261,11 +265,6 @@ class TeleopPageNode(SerdNode[TeleopPageConfig]):
             self._publish_intent(Action.WAIT, self.observation)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        was_guarded, guard = self._is_guarded, values_of(message, "guard")
-        if guard is not None:
-            self._is_guarded = guard.get("overridden") != str(True)
-        if was_guarded != self._is_guarded:
-            self.notify("the guard is on" if self._is_guarded else "the guard is OVERRIDDEN")
         values = values_of(message, "teleop_mux")
         if values is None:
             return

@@ -25,6 +25,7 @@ from serd_files.yaml_config import yaml_model
 from serd_ros.convert import motion
 from serd_ros.convert.diagnostics import from_episode_message, from_learner_report, values_of
 from serd_ros.convert.sensors import from_people_message, from_scan
+from serd_ros.convert.typed import from_guard_state
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.episodes import PersonEpisodes
 from serd_ros.endpoints.topic_types import topic_type
@@ -59,7 +60,7 @@ class WatchPageNode(SerdNode[WatchPageConfig]):
         self._server.show(self._view.watched_state(self.wall_s()))
 
 
-_SHOWN = ("teleop_mux", "guard", "demo_recorder")
+_SHOWN, _TYPED = ("teleop_mux", "demo_recorder"), (topics.GUARD_STATE,)
 _STALE_S = 1.0
 _NAME = "model of the learner"
 
@@ -69,7 +70,7 @@ class PageView:
 
     #: The topics that are shown.
     topics: ClassVar[tuple[str, ...]] = (
-        topics.SCAN, topics.INTENT, topics.WAYPOINT, topics.DIAGNOSTICS,
+        topics.SCAN, topics.INTENT, topics.WAYPOINT, topics.DIAGNOSTICS, topics.GUARD_STATE,
     )  # fmt: skip
 
     def __init__(self, scenario: Scenario) -> None:
@@ -81,13 +82,15 @@ class PageView:
         self._ranges: NDArray[np.float32] | None = None
         self._waypoint: Waypoint | None = None
         self._health: dict[str, dict[str, str]] = {}
+        self.guard: dict[str, str] | None = None
         self._next_start: tuple[float, float] | None = None
 
     def subscribe(self, endpoints: Endpoints) -> None:
         """Take the messages that a node receives on the topics."""
         for topic in self.topics:
-            kind = topic_type(topic, stamped_cmd_vel=False)
-            endpoints.subscribe(kind.message, topic, partial(self.take, topic), kind.qos)
+            kind, take = topic_type(topic, stamped_cmd_vel=False), partial(self.take, topic)
+            subscribe = endpoints.subscribe_raw if topic in _TYPED else endpoints.subscribe
+            subscribe(kind.message, topic, take, kind.qos)
 
     def take(self, topic: str, message: Any) -> None:
         """Take a message of one of the topics; MessageError where it breaks a rule."""
@@ -99,6 +102,8 @@ class PageView:
                 self._waypoint = waypoint_of_intent(self._scenario.cells, self._observation, action)
         elif topic == topics.WAYPOINT:
             _, self._waypoint, _ = motion.from_waypoint_message(message)
+        elif topic == topics.GUARD_STATE:
+            self.guard = from_guard_state(message)
         elif topic == topics.DIAGNOSTICS:
             for name in _SHOWN:
                 if (values := values_of(message, name)) is not None:
@@ -122,7 +127,7 @@ class PageView:
             "waypoint": point(self._waypoint),
             "episode": episode,
             "mux": self._health.get("teleop_mux"),
-            "guard": self._health.get("guard"),
+            "guard": self.guard,
             "recorder": self._health.get("demo_recorder"),
             "next_start": self._next_start,
         }

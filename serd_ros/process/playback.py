@@ -6,57 +6,41 @@ order of the bag, each at its log time; a log time that steps back is due at onc
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage
 
 
-@dataclass(frozen=True)
-class Excerpt:
-    """The part of a bag that is played.
+def excerpt(
+    reader: BagReader, topics: frozenset[str], start_s: float = 0.0, duration_s: float = math.inf
+) -> Iterator[RawMessage]:
+    """Messages of a part of a bag in its order; BagError where the bag is damaged.
 
     topics: full names; start_s, duration_s: bag time after the first message, by log times.
-    Raises BagError where the start is below 0 or the duration is not above it.
     """
-
-    topics: frozenset[str]
-    start_s: float = 0.0
-    duration_s: float = math.inf
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.start_s) and self.start_s >= 0):
-            raise BagError(f"start must be finite and at least 0 s, got {self.start_s}")
-        if not self.duration_s > 0:
-            raise BagError(f"duration must be above 0 s, got {self.duration_s}")
-
-    def messages(self, reader: BagReader) -> Iterator[RawMessage]:
-        """Messages in the order of the bag; BagError where the bag is damaged."""
-        first_ns: int | None = None
-        for message in reader.messages(self.topics):
-            if first_ns is None:
-                first_ns = message.log_time_ns
-            passed_s = (message.log_time_ns - first_ns) / 1e9
-            if self.start_s <= passed_s < self.start_s + self.duration_s:
-                yield message
+    first_ns: int | None = None
+    for message in reader.messages(topics):
+        if first_ns is None:
+            first_ns = message.log_time_ns
+        passed_s = (message.log_time_ns - first_ns) / 1e9
+        if start_s <= passed_s < start_s + duration_s:
+            yield message
 
 
 class Playback:
     """One replay: which messages are due at a time of a wall clock.
 
-        playback = Playback(Excerpt(topics).messages(reader), rate=2.0)
+        playback = Playback(excerpt(reader, topics), rate=2.0)
         while not playback.finished:
             publish(playback.due(time.monotonic()))
 
-    The replay starts at the first `due`. rate: seconds of bag time in a second of wall time;
-    BagError where it is not above 0. It ends at the first BagError of the messages, whose text is
-    `damage` then; the messages before are played.
+    The replay starts at the first `due`. rate: seconds of bag time in a second of wall time, above
+    0. It ends at the first BagError of the messages, whose text is `damage` then; the messages
+    before are played.
     """
 
     def __init__(self, messages: Iterable[RawMessage], *, rate: float = 1.0) -> None:
-        if not (math.isfinite(rate) and rate > 0):
-            raise BagError(f"rate must be finite and above 0, got {rate}")
         self.damage = ""
         self._rest: Iterator[RawMessage] = iter(messages)
         self._next = self._following()

@@ -16,9 +16,12 @@ from serd_core.grid.grid import Action
 from serd_ros.convert import motion, sensors
 from serd_ros.convert.diagnostics import UNCOUNTED, to_diagnostics, to_episode_message
 from serd_ros.convert.stamp import to_stamp
+from serd_ros.convert.typed import to_guard_state
+from serd_sim.safety.guard import GuardOutput
+from serd_sim.safety.reasons import GuardAction
 from serd_sim.scenario.grid import goal_at
 from serd_sim.scenario.scenario import load_scenario
-from serd_sim.world.command import Command
+from serd_sim.world.command import STOP, Command
 from serd_sim.world.waypoint import Waypoint
 from support.bag_messages import Messages
 from support.observations import observation_at
@@ -55,6 +58,7 @@ def valid_message(topic: str, time_s: float, message_type: type | None = None) -
         "episode": lambda: to_episode_message(
             EpisodeMark("start", time_s, 1, "scripted_expert", 0, "train")
         ),
+        "guard_state": lambda: to_guard_state(GuardOutput(STOP, GuardAction.STOP), time_s),
         "diagnostics": lambda: _diagnostics(time_s),
         "map": OccupancyGrid,
         "tf": lambda: Messages().transforms(

@@ -52,3 +52,5 @@ def test_a_reference_robot_reaches_a_goal_and_stands_when_its_scans_stop(
     seen.disturb("")
     until(lambda: seen.measured["speed_mps"] > 0.1)
     assert not any(seen.measured[each] for each in ("wall", "robot_on_person"))
+    # By a heading of 0 it would turn by a quarter at each waypoint to the north.
+    assert seen.measured.get("turned_rad", 0.0) <= 0.1 * seen.measured.get("nav2_goals", 0)

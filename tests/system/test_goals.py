@@ -53,10 +53,23 @@ class Client:
 
 
 @pytest.fixture
-def driving(nodes, probe, start_robot, save_model_of):
+def model(save_model_of):
+    return save_model_of()
+
+
+@pytest.fixture
+def late_text(model):
+    """That of the model, whose file is not there yet."""
+    text = model.read_text()
+    model.unlink()
+    return text
+
+
+@pytest.fixture
+def driving(nodes, probe, start_robot, model):
     """The client of a robot that drives by stack `robot`, and the logs of both."""
     start_robot()
-    nodes.start_stack("robot", model=str(save_model_of()), strategy__patience_decisions=0)
+    nodes.start_stack("robot", model=str(model), strategy__patience_decisions=0)
 
     def logs():
         return "\n".join(nodes.log_of(name) for name in ("strategy", "standin_robot"))
@@ -65,15 +78,30 @@ def driving(nodes, probe, start_robot, save_model_of):
     assert "internal error" not in nodes.log_of("strategy")
 
 
-def test_an_early_goal_is_driven_to_its_pose_and_a_burst_plans_for_the_newest(driving):
-    client, logs = driving
-    _, early = client.send(3.3, 3.6, math.pi / 2)  # no pose is known yet
+def test_a_goal_before_the_model_is_driven_to_its_pose_and_a_burst_plans_for_the_newest(
+    late_text, driving, model, probe
+):
+    (client, logs), health = driving, probe.health()
+
+    def waits_for(words):
+        said = f"waiting for {words}"
+        probe.spin_until(lambda: any(said in each.message for each in health), seen=logs)
+        probe.spin_until(lambda: logs().count(said) == 1, seen=logs)
+
+    waits_for(f"the model file {model}, or")
+    assert not client.ask(9.0, 3.0).accepted  # no cell
+    handle, cancelled = client.send(4.5, 2.5)
+    handle.cancel_goal_async()
+    assert client.result(cancelled, logs)[0] == GoalStatus.STATUS_CANCELED
+    _, early = client.send(3.3, 3.6, math.pi / 2)
+    model.write_text(late_text[: len(late_text) // 2])  # as while it is copied
+    waits_for(f"a usable model, and looking again when the file changes: {model}, ")
+    model.write_text(late_text)
     assert client.result(early, logs) == (GoalStatus.STATUS_SUCCEEDED, 0)
     place = from_pose(client.feedback[-1].current_pose.pose)
     assert math.dist(place[:2], (3.3, 3.6)) < 0.35
     assert abs(math.remainder(place[2] - math.pi / 2, math.tau)) < 0.6
     assert max(each.distance_remaining for each in client.feedback) > 1.0
-    assert any(each.estimated_time_remaining.sec > 0 for each in client.feedback)
 
     futures = [client.send(4.5, 2.5 + 0.001 * number)[1] for number in range(20)]
     ends = [client.result(each, logs)[0] for each in futures]
@@ -95,7 +123,9 @@ def test_goals_are_refused_with_a_reason_cancelled_and_replaced(driving, probe, 
 
     handle, far = client.send(3.5, 12.5)
     client.feedback.clear()
-    probe.spin_until(lambda: client.feedback, seen=logs)
+    probe.spin_until(
+        lambda: any(each.estimated_time_remaining.sec > 0 for each in client.feedback), seen=logs
+    )
     cancelled = handle.cancel_goal_async()
     probe.spin_until(cancelled.done, seen=logs)
     assert client.result(far, logs)[0] == GoalStatus.STATUS_CANCELED

@@ -33,6 +33,7 @@ from serd_ros.endpoints import qos
 from serd_sim.scenario.grid import grid_of
 from serd_sim.scenario.scenario import load_scenario
 from support.bag_messages import TF
+from support.changed_scenario import changed_scenario
 from support.damaged_files import counts_of
 from support.foreign_bags import START_S, ForeignBag, Robot
 from support.waiting import PATIENCE_S, ProcessorWait, wait_until
@@ -301,24 +302,35 @@ def foreign_bag(messages, tmp_path):
 def test_a_learner_of_another_robot_gets_the_decisions_of_serd_demos(
     nodes, probe, foreign_bag, tmp_path
 ):
-    """Live, from topics that a mapping names: pose by /tf, commands without stamps, stops."""
+    """Live, from topics that a mapping names: pose by /tf, commands without stamps, stops.
+
+    The goal is smaller than its cell; what is decided there is no decision to learn from.
+    """
     mapping, received = tmp_path / "mapping.yaml", tmp_path / "received.csv"
     mapping.write_text(MAPPING)
-    offline = tmp_path / "offline.csv"
-    found = demonstrate([foreign_bag], offline, PlaceChoice("hallway"), mapping=mapping).found
-    assert len(found[0].recording.drives[0].episodes) == 3
+    goal, other = (
+        "[[11, 16], [13, 16], [13, 20], [11, 20]]",
+        "[[2.1, 7.4], [2.9, 7.4], [2.9, 8], [2.1, 8]]",
+    )
+    place = str(changed_scenario(tmp_path, "hallway", {goal: other}))
+    offline, model = tmp_path / "offline.csv", tmp_path / "model.yaml"
+    demonstrate([foreign_bag], offline, PlaceChoice(place), mapping=mapping)
+    wanted = read_learning_files(offline, discount=0.9)
+    assert wanted.n_after_goal > 0
     learner = nodes.start_stack(
         "replay_and_learn",
         bag=str(foreign_bag),
+        scenario=place,
         mapping=str(mapping),
         bag_replay__rate=40.0,
-        learner__output=str(tmp_path / "model.yaml"),
+        learner__output=str(model),
         learner__decisions=str(received),
         learner__minimum_decisions=10,
     )["learner"]
     probe.spin_until(lambda: learner.poll() is not None, seen=lambda: nodes.log_of("learner"))
     assert learner.returncode == 0, nodes.log_of("learner")
     assert table_without_source(received) == table_without_source(offline)
+    assert load_model(model).fit.n_decisions == len(wanted.decisions)
 
 
 def test_a_learner_killed_in_a_long_fit_resumes_from_its_last_checkpoint(

@@ -8,10 +8,12 @@ from visualization_msgs.msg import MarkerArray
 from serd_app.journeys.navigate import drive
 from serd_app.navigation.navigator import ArrivalRow
 from serd_app.navigation.settings import DriveSettings, NavigationSettings
+from serd_bag.formats.rosbag2.message_types import rosbags_types
 from serd_core.grid.navigation import MODEL_NAMES
 from serd_files.table import load_episodes, read_rows
 from serd_ros.convert.motion import from_pose
 from serd_ros.endpoints import qos
+from serd_ros.endpoints.topic_types import TYPES
 from support.waiting import PATIENCE_S
 from tests.conftest import model_row
 
@@ -28,9 +30,15 @@ class Watch:
         self.y_m, self.health, self.texts = 0.0, probe.health(), []
         probe.subscribe(MarkerArray, "markers/arrival", self.texts.append, qos.LATCHED)
         probe.subscribe(PoseStamped, "robot_pose", self._take_pose)
+        self.situation, kind = "", TYPES["decision"].message
+        probe.node.create_subscription(kind, "decision", self._take_decision, qos.LATCHED, raw=True)
 
     def reported(self, words):
         return any(words in each.message for each in self.health if each.name == "strategy")
+
+    def _take_decision(self, data):
+        message = rosbags_types().deserialize_cdr(data, TYPES["decision"].name)
+        self.situation = message.situation
 
     def _take_pose(self, message):
         self.y_m = from_pose(message.pose)[1]
@@ -86,7 +94,7 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
 
     # The model file is overwritten with a model whose policy avoids the goal.
     save_model_of(reward_weights={"goal": -5.0, "social_norm": 1.0})
-    spin_until(lambda: watch.reported("driving the way of least expected time"))
+    spin_until(lambda: "driving the way of least expected time" in watch.situation)
     n_rows = len(arrivals(tmp_path))
     spin_until(lambda: len(arrivals(tmp_path)) > n_rows + 1)
     assert arrivals(tmp_path)[-1].outcome == "arrived"
@@ -95,7 +103,7 @@ def test_goals_and_models_change_during_a_drive_and_rows_survive_a_kill_of_the_s
 
     # Nothing leads to the goal where robots are learned never to move.
     save_model_of(outcome_models=UNMOVED)
-    spin_until(lambda: watch.reported("in a trap"))
+    spin_until(lambda: watch.situation == "in a trap")
     assert "cells are traps" in nodes.log_of("strategy")
 
     # A learner in the same graph publishes a model whose policy arrives.

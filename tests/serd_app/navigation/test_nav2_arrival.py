@@ -11,7 +11,8 @@ import pytest
 from serd_app.navigation.nav2_goals import SUCCEEDED, Nav2Goals
 from serd_app.navigation.navigator import Navigator
 from serd_app.navigation.settings import NavigationSettings
-from serd_sim.scenario.grid import is_at_goal
+from serd_files.model_file import load_model
+from serd_sim.scenario.grid import grid_of, is_at_goal
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.epochs import epochs_in
 from serd_sim.world.waypoint import (
@@ -94,12 +95,14 @@ def test_nav2_reaches_every_goal_whatever_its_tolerance(
     place = str(changed_scenario(tmp_path, "hallway", sized))
     settings = NavigationSettings(model=str(save_model_of(place)), timeout_s=LONGEST_S)
     navigator = Navigator(load_scenario(place), settings, waits_for_law=True)
+    navigator.want_model(load_model(settings.model), settings.model)
     server, rng = Nav2Server(), np.random.default_rng(0)
     goals = Nav2Goals(server, lambda to, _: tuple(to), timeout_s=1.0, tolerance_m=tolerance_m)
     robot = Robot(server, tolerance_m, 1.5, 1.5)
-    grid = navigator.strategy.problem.grid
+    grid = grid_of(navigator.wanted.scenario)
     for goal in grid.centers_m[rng.permutation(grid.n_states)[:20]].tolist():
-        navigator.set_goal(*goal)
+        navigator.want_goal(*goal)
+        navigator.plan()
         assert arrives(navigator, robot, goals, through, rng.uniform(0.0, STEP_S)), (
             goal,
             robot.pose,

@@ -1,13 +1,12 @@
 """Waypoints as goals of Nav2, against a stand-in for its action server; no real one is tested."""
 
-import math
-
 import pytest
 
 from serd_app.navigation.nav2_goals import CANCELED, SUCCEEDED, Nav2Goals
 from serd_core.errors import SerdError
 from serd_ros.convert.motion import odom_in_map
 from serd_ros.nodes.nav2_bridge import ros_type
+from serd_sim.safety.motion import compose
 from support.nav2_server import Handle, Nav2Server, answered
 
 ABORTED = 6
@@ -26,14 +25,6 @@ def goals(server):
 
 def places(server):
     return [list(targets) for targets, _ in server.goals]
-
-
-def test_a_waypoint_becomes_one_goal_however_often_it_comes(server, goals):
-    goals.take(HERE, 10.0, 0.0)
-    server.answer()
-    goals.take(HERE, 12.0, 2.0)
-    assert server.goals == [(tuple(HERE), 10.0)]
-    assert goals.state == "driving"
 
 
 @pytest.mark.parametrize("old_ends_first", [True, False])
@@ -140,11 +131,8 @@ def test_a_server_that_comes_back_gets_the_same_waypoint_again(server, goals, se
 
 def test_map_to_odom_and_odom_to_base_together_are_the_pose_in_the_map():
     base_in_map, base_in_odom = (3.0, -1.0, 2.0), (0.5, 0.7, -1.5)
-    x_m, y_m, yaw = odom_in_map(base_in_map, base_in_odom)
-    turned_x = math.cos(yaw) * base_in_odom[0] - math.sin(yaw) * base_in_odom[1]
-    turned_y = math.sin(yaw) * base_in_odom[0] + math.cos(yaw) * base_in_odom[1]
-    assert (x_m + turned_x, y_m + turned_y) == pytest.approx(base_in_map[:2])
-    assert math.remainder(yaw + base_in_odom[2] - base_in_map[2], math.tau) == pytest.approx(0.0)
+    odom = odom_in_map(base_in_map, base_in_odom)
+    assert compose(odom, base_in_odom) == pytest.approx(base_in_map)
 
 
 def test_a_missing_ros_package_is_named_with_the_fix():

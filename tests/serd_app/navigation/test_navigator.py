@@ -7,13 +7,13 @@ import pytest
 
 from serd_app.navigation.navigator import (
     GiveUp,
-    Navigator,
     ProgressMonitor,
     arrival_row,
     plan_remarks,
+    planned_navigator,
     prediction_of,
 )
-from serd_app.navigation.settings import NavigationSettings
+from serd_app.navigation.settings import DriveSettings, NavigationSettings
 from serd_bag.errors import FileError
 from serd_core.arrival.chain import ArrivalByState
 from serd_core.grid.grid import Action
@@ -33,8 +33,8 @@ def navigator_of(save_model_of):
     """Makes a navigator of a model file with the fields, by settings with the changes."""
 
     def make(fields=(), **changes):
-        settings = NavigationSettings(model=str(save_model_of(**dict(fields))), **changes)
-        navigator = Navigator(HALLWAY, settings)
+        settings = DriveSettings(model=str(save_model_of(**dict(fields))), **changes)
+        navigator = planned_navigator(settings)
         navigator.begin(0)
         return navigator
 
@@ -47,32 +47,41 @@ def decide(navigator, x_m, y_m, time_s=0.0):
     return navigator.decide(observation_at(x_m, y_m, time_s=time_s), state)
 
 
+def to_goal(navigator, x_m, y_m):
+    navigator.want_goal(x_m, y_m)
+    navigator.plan()
+
+
 def test_another_goal_turns_the_robot_round_and_one_in_a_wall_is_refused(navigator_of):
     navigator = navigator_of()
     assert decide(navigator, 4.5, 9.5) == Action.NORTH
     before = navigator.strategy
     with pytest.raises(SimError, match="goal must be in a walkable cell"):
-        navigator.set_goal(9.0, 3.0)
+        navigator.want_goal(9.0, 3.0)
     assert navigator.strategy is before
-    navigator.set_goal(1.5, 2.5)
+    to_goal(navigator, 1.5, 2.5)
     assert decide(navigator, 4.5, 9.5, time_s=2.0) in (Action.WEST, Action.SOUTH)
     assert navigator.way_m(observation_at(4.5, 9.5))[-1].tolist() == [1.5, 2.5]
 
 
-def test_another_model_changes_the_policy_and_a_broken_or_equal_one_nothing(
-    navigator_of, save_model_of, tmp_path
+def test_another_model_changes_the_policy_and_an_unusable_or_equal_one_nothing(
+    navigator_of, save_model_of
 ):
     navigator = navigator_of()
     lazy = save_model_of(name="lazy.yaml", reward_weights={"goal": -5.0, "social_norm": 1.0})
-    navigator.set_model(str(lazy))
+    navigator.want_model(load_model(lazy), str(lazy))
+    navigator.plan()
     assert navigator.model == str(lazy)
     assert len(navigator.strategy.driven.learned_traps.states) > 100
     before = navigator.strategy
-    (tmp_path / "broken.yaml").write_text("format: serd-model\n")
-    with pytest.raises(FileError, match=r"broken\.yaml"):
-        navigator.set_model(str(tmp_path / "broken.yaml"))
+    navigator.want_model(load_model(save_model_of("corridor")), "elsewhere.yaml")
+    with pytest.raises(FileError, match=r"elsewhere\.yaml: was made for another grid"):
+        navigator.plan()
+    navigator.keep_plan()
+    navigator.plan()
     assert (navigator.strategy, navigator.model) == (before, str(lazy))
-    navigator.use_model(load_model(lazy), "model of the learner")
+    navigator.want_model(load_model(lazy), "model of the learner")
+    navigator.plan()
     assert (navigator.strategy, navigator.model) == (before, "model of the learner")
 
 
@@ -103,7 +112,7 @@ def test_a_robot_that_stands_still_gives_up_and_one_that_moves_on_or_has_a_new_g
     navigator.begin(2)
     for step in range(6):
         if step == 3:
-            navigator.set_goal(1.5, 2.5)
+            to_goal(navigator, 1.5, 2.5)
         decide(navigator, 4.5, 9.5, time_s=2.0 * step)
         assert navigator.gave_up is None
 
@@ -138,7 +147,6 @@ def test_traps_are_counted_by_kind_and_reported_for_a_state(navigator_of):
     for place, trapped in (((4.5, 1.5), True), ((10.5, 17.5), False)):
         assert (grid.state_at(*place) in traps) == trapped
         decide(navigator, *place)
-        assert navigator.forecast.trapped == trapped
         assert navigator.forecast.trapped == trapped
         assert navigator.forecast.needs_attention == trapped
 

@@ -77,7 +77,7 @@ def test_every_subscribed_topic_is_published_by_some_node():
 
 def test_all_that_the_page_shows_is_recorded_but_for_diagnostics():
     recorded = DemoRecorderConfig().topics
-    assert set(WatchView.topics) - {"diagnostics"} <= set(recorded)
+    assert set(WatchView.topics) - {"diagnostics", "guard_state"} <= set(recorded)
     assert set(recorded) == set(load_graph().nodes["demo_recorder"].subscribes)
 
 
@@ -227,15 +227,6 @@ def test_what_is_given_wins_and_reaches_the_planner(tmp_path):
     assert (limited.max_vel_x_mps, limited.acc_lim_x_mps2) == (0.5, 2.0)
     assert (scenario.local_planner.vx_samples, scenario.local_planner.sim_time) == (5, 2)
     assert scenario.robot == slow.robot
-
-
-def test_a_node_without_parameters_plans_for_the_very_robot_of_the_scenario():
-    scenario, given = config("hallway").planned_scenario(), load_scenario("hallway")
-    braking = {"decel_lim_x_mps2": given.robot.acc_lim_x_mps2}  # as planners accelerate
-    limited = scenario.local_planner.limited(scenario.robot)
-    assert limited == given.robot.model_copy(update=braking)
-    complete = given.local_planner.complete(given.robot, given.control_period_s)
-    assert scenario.local_planner == complete
 
 
 def test_a_guard_of_a_robot_that_accelerates_less_does_not_count_on_harder_braking():

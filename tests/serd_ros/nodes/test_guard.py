@@ -8,6 +8,7 @@ from geometry_msgs.msg import Twist
 from std_msgs.msg import Bool
 
 from serd_ros.convert.motion import to_odometry, to_pose_stamped, to_twist
+from serd_ros.convert.typed import from_guard_state
 from serd_ros.errors import NodeError
 from serd_ros.nodes import guard
 from serd_sim.world.command import Command
@@ -40,6 +41,10 @@ def receive_command(running, age_s, linear_mps=0.3):
     return running.sent["cmd_vel"].linear.x if "cmd_vel" in running.sent else 0.0
 
 
+def state(running):
+    return from_guard_state(running.sent["guard_state"])
+
+
 def test_a_guard_that_would_take_its_own_output_as_command_is_refused():
     sentence = "cmd_vel_raw and cmd_vel must be two topics, got .* for both; remap one of them only"
     for name in ("cmd_vel", "/cmd_vel"):
@@ -59,8 +64,8 @@ def test_a_second_publisher_of_commands_stands_the_robot_until_it_has_ended(runn
     others = [running.node.create_publisher(Twist, topic, 1) for _ in range(2)]
     running.call_timers()
     assert receive_command(running, 0.0) == 0.0
-    assert running.health["reasons"] == f"{topic}: several publishers"
-    assert (running.health["action"], running.health["name"]) == ("STOP", "guard")
+    expected = {"action": "STOP", "reasons": f"{topic}: several publishers", "overridden": "False"}
+    assert state(running) == expected
     for each in others:
         running.node.destroy_publisher(each)
     running.call_timers()
@@ -158,8 +163,8 @@ FAULTS = {
 def test_a_fault_of_an_input_stands_the_robot_and_it_drives_on_afterwards(fault, drive):
     faults, reason = FAULTS[fault]
     assert drive.until(0.0, faults) <= 0.35
-    assert drive.running.health["action"] == "STOP"
-    assert reason in drive.running.health["reasons"]
+    assert state(drive.running)["action"] == "STOP"
+    assert reason in state(drive.running)["reasons"]
     drive.until(0.3)
     drive.running.assert_alive()
 
@@ -168,10 +173,10 @@ def test_a_held_override_drives_without_a_scan_and_is_reported(drive):
     faults = {"scan": "stops"}
     drive.until(0.0, faults)
     drive.until(0.3, faults, override=True)
-    assert drive.running.health["overridden"] == "True"
-    assert "scan: stamp too old" in drive.running.health["reasons"]
+    assert state(drive.running)["overridden"] == "True"
+    assert "scan: stamp too old" in state(drive.running)["reasons"]
     drive.until(0.0, faults)
-    assert drive.running.health["overridden"] == "False"
+    assert state(drive.running)["overridden"] == "False"
 
 
 def test_a_command_from_before_a_pause_of_the_process_does_not_drive(drive):
@@ -184,7 +189,7 @@ def test_limits_become_stricter_while_the_robot_drives_and_looser_while_it_stand
     result = drive.running.set(max_vel_x=0.1, collision_margin=0.05)
     assert result.successful, result.reason
     assert drive.until(0.1) < 0.1
-    assert "cmd_vel_raw: faster than allowed" in drive.running.health["reasons"]
+    assert "cmd_vel_raw: faster than allowed" in state(drive.running)["reasons"]
     for wanted in ({"max_vel_x": 0.2}, {"radius": 0.1}, {"max_vel_x": 0.05, "min_points": 3}):
         refused = drive.running.set(**wanted)
         assert "may allow more only while the robot stands" in refused.reason
@@ -229,7 +234,7 @@ def test_what_has_arrived_counts_before_an_input_is_too_old(running, monkeypatch
     later_s = START + 2.0  # a session of its own, with no rate yet
     monkeypatch.setattr(guard.GuardNode, "now_s", lambda _: later_s)
     assert receive_command(running, 0.0) == 0.0
-    assert "odom: stamp too old" in running.health["reasons"]
+    assert "odom: stamp too old" in state(running)["reasons"]
     for topic in INPUTS:
         (found,) = running.subscriptions(topic)
         publisher = running.node.create_publisher(found.msg_type, topic, 10)
