@@ -73,9 +73,11 @@ def values(
 def occupancy(
     visits: Decisions | ArrayLike, cells: Cells, axes: "Axes | None" = None, **look: Any
 ) -> "Axes":
-    """Draw how often each state is visited: by decisions, or by numbers (S,); else as `values`.
+    """Draw how often each state is visited.
 
-    plots.occupancy(decisions, (5, 5))
+    visits: decisions, or numbers (S,). Others as in `values`.
+
+        plots.occupancy(decisions, (5, 5))
     """
     axes, centers, _ = _map(axes, cells)
     if isinstance(visits, Decisions):
@@ -137,10 +139,12 @@ def _arrows(policy: Policy | ArrayLike, n_states: int) -> tuple[IntArray, IntArr
 
 
 def intervals(at: ArrayLike, ends: ArrayLike, axes: "Axes | None" = None, **look: Any) -> "Axes":
-    """Draw error bars of (3, n) lower ends, values and upper ends at (n,) places.
+    """Draw error bars.
 
-    low, high = errors.reward_interval(fit.reward_weights)
-    plots.intervals([0, 1], [low, fit.reward_weights, high], fmt="o")
+    at: (n,) places; ends: (3, n) lower ends, values and upper ends.
+
+        low, high = errors.reward_interval(fit.reward_weights)
+        plots.intervals([0, 1], [low, fit.reward_weights, high], fmt="o")
     """
     axes, bounds = _axes(axes), np.asarray(number_array("ends", ends), dtype=np.float64)
     require_shape("ends", bounds, (3, np.size(at)))

@@ -72,6 +72,8 @@ def optimal_policy(
 
     Arguments and result as in `soft_policy`. `greedy` is the first of the best actions; values of a
     state are equal within 1e-9 of the best one, and within the rounding of all.
+
+        print(sc.optimal_policy(problem, weights, table).greedy)
     """
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman())
     best = solution.q.max(axis=1, keepdims=True)
