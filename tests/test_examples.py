@@ -10,7 +10,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 
 from serd_cli.processes.workspace import node_command
-from support.waiting import PATIENCE_S, wait_until
+from support.waiting import wait_until
 from tests.system.conftest import nodes, probe, start_robot  # noqa: F401
 
 PRINTED = {
@@ -21,15 +21,6 @@ PRINTED = {
     "own_feature.py": "west",
 }
 ROS = {"own_planner_node.py", "goal_by_action.py"}
-
-
-def started(root, folder, name, *words, environment):
-    """A script of the examples as a process."""
-    script = [sys.executable, str(root / "examples" / name), *words]
-    paths = os.pathsep.join(str(root / each) for each in (".", "sim", "bags"))
-    given = {**environment, "PYTHONPATH": paths, "MPLBACKEND": "agg"}
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    return subprocess.Popen(script, cwd=folder, env=given, **pipes)
 
 
 def test_each_script_is_short_and_run_by_a_test(root):
@@ -44,46 +35,43 @@ def test_each_script_is_short_and_run_by_a_test(root):
 @pytest.mark.parametrize("name", PRINTED)
 def test_a_script_runs(name, root, tmp_path):
     words = [str(root / "bags/data/hallway/training")] if name == "own_bag.py" else []
-    script = started(root, tmp_path, name, *words, environment=os.environ)
-    printed, _ = script.communicate()
-    assert script.returncode == 0, printed
-    assert PRINTED[name] in printed
+    paths = os.pathsep.join(str(root / each) for each in (".", "sim", "bags"))
+    done = subprocess.run(
+        [sys.executable, str(root / "examples" / name), *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": paths, "MPLBACKEND": "agg"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert PRINTED[name] in done.stdout
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-def test_a_node_drives_to_the_goal(nodes, probe, root, tmp_path, ros_env):
-    world = {"scenario": "corridor", "lockstep": False}
+def test_a_node_drives_to_the_goal(nodes, probe, root, ros_env):
+    world, poses = {"scenario": "corridor", "lockstep": False}, []
     for node, given in (("hallway_sim", {"people": 0}), ("guard", {"use_sim_time": True})):
         nodes.start(node_command(node, world | given, {}, ros_env), node)
-    planner = started(root, tmp_path, "own_planner_node.py", environment=ros_env)
-    poses = []
-    try:
-        probe.subscribe(PoseStamped, "robot_pose", lambda each: poses.append(each.pose.position))
-        probe.spin_until(lambda: poses)
-        goal = poses[-1].x, poses[-1].y + 2.0
-        probe.send_goal(*goal)
-        probe.spin_until(
-            lambda: dist(goal, (poses[-1].x, poses[-1].y)) < 0.35, seen=lambda: poses[-1]
-        )
-    finally:
-        planner.terminate()
-        planner.communicate()
+    nodes.start([sys.executable, str(root / "examples/own_planner_node.py")], "planner")
+    probe.subscribe(PoseStamped, "robot_pose", lambda each: poses.append(each.pose.position))
+    probe.spin_until(lambda: poses)
+    goal = poses[-1].x, poses[-1].y + 2.0
+    probe.send_goal(*goal)
+    probe.spin_until(lambda: dist(goal, (poses[-1].x, poses[-1].y)) < 0.35)
 
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.skipif(
-    not (find_spec("nav2_msgs") and find_spec("serd_msgs")), reason="make interfaces"
-)
-def test_a_goal_by_action_arrives_in_time(
-    nodes, start_robot, save_model_of, root, tmp_path, ros_env
+@pytest.mark.skipif(not (find_spec("nav2_msgs") and find_spec("serd_msgs")), reason="no messages")
+def test_a_goal_by_action_is_driven_to_where_it_is_likely_in_time(
+    nodes, start_robot, save_model_of, root
 ):
     start_robot()
     nodes.start_stack("robot", model=str(save_model_of()), strategy__patience_decisions=0)
     wait_until(lambda: "waiting for a goal" in nodes.log_of("strategy"))
     for deadline_s, end in (("1", "not sent: too unlikely"), ("60", "arrived")):
-        words = "3.5", "4.5", deadline_s
-        courier = started(root, tmp_path, "goal_by_action.py", *words, environment=ros_env)
-        printed, _ = courier.communicate(timeout=PATIENCE_S)
-        assert printed.splitlines()[-1] == end, printed
+        words = str(root / "examples/goal_by_action.py"), "3.5", "4.5", deadline_s
+        courier = nodes.start([sys.executable, *words], end)
+        wait_until(lambda each=courier: each.poll() is not None)
+        assert nodes.log_of(end).splitlines()[-1] == end
