@@ -14,16 +14,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from serd_core import checks
 from serd_core.arrays import FloatArray, IntArray
 from serd_core.arrival.law import ArrivalLaw, EmpiricalArrival, sampling_band
-from serd_core.checks import (
-    float_array,
-    int_array,
-    number_array,
-    require_index,
-    require_kind,
-    require_shape,
-)
 from serd_core.demonstrations.decisions import Decisions, state_counts
 from serd_core.grid.grid import DIRECTION_VECTORS, Grid
 from serd_core.policies.solved_policy import Policy
@@ -63,7 +56,7 @@ def values(
     squares = [Rectangle((x - side / 2, y - side / 2), side, side) for x, y in centers]
     looks: Look = {"cmap": "Blues", "alpha": 0.7, "edgecolor": "#ffffff", "linewidth": 0.4}
     drawn = PatchCollection(squares, **looks | {"zorder": 1} | look)
-    drawn.set_array(np.asarray(float_array("value", value, (len(centers),))))
+    drawn.set_array(np.asarray(checks.float_array("value", value, (len(centers),))))
     axes.add_collection(drawn)
     if label:
         axes.figure.colorbar(drawn, ax=axes, label=label)
@@ -73,9 +66,11 @@ def values(
 def occupancy(
     visits: Decisions | ArrayLike, cells: Cells, axes: "Axes | None" = None, **look: Any
 ) -> "Axes":
-    """Draw how often each state is visited: by decisions, or by numbers (S,); else as `values`.
+    """Draw how often each state is visited.
 
-    plots.occupancy(decisions, (5, 5))
+    visits: decisions, or numbers (S,). Others as in `values`.
+
+        plots.occupancy(decisions, (5, 5))
     """
     axes, centers, _ = _map(axes, cells)
     if isinstance(visits, Decisions):
@@ -103,8 +98,10 @@ def policy(
     axes, centers, side = _map(axes, cells)
     state, action, chance = _arrows(policy, len(centers))
     default = DIRECTION_VECTORS if isinstance(cells, Grid) else LAKE_DIRECTIONS
-    steps = float_array("directions", default if directions is None else directions, (None, 2))
-    require_index("policy: actions", action, len(steps), "an action that directions have")
+    steps = checks.float_array(
+        "directions", default if directions is None else directions, (None, 2)
+    )
+    checks.require_index("policy: actions", action, len(steps), "an action that directions have")
     panel, extent = axes.get_window_extent(), np.ptp(centers, axis=0) / side + 1
     cell_in = min(panel.width / extent[0], panel.height / extent[1]) / axes.figure.dpi
     width_in = min(_SHAFT_IN, _SLENDER * float(cell_in))
@@ -124,11 +121,15 @@ def policy(
 
 def _arrows(policy: Policy | ArrayLike, n_states: int) -> tuple[IntArray, IntArray, FloatArray]:
     """State, action and probability of each arrow."""
-    given = policy.probabilities if isinstance(policy, Policy) else number_array("policy", policy)
-    require_shape("policy", given, (n_states,), (n_states, None))
+    given = (
+        policy.probabilities
+        if isinstance(policy, Policy)
+        else checks.number_array("policy", policy)
+    )
+    checks.require_shape("policy", given, (n_states,), (n_states, None))
     if given.ndim == 1:
         state = np.flatnonzero(given >= 0)
-        return state, int_array("policy", given)[state], np.ones(len(state))
+        return state, checks.int_array("policy", given)[state], np.ones(len(state))
     drawn = given > _RARE
     if isinstance(policy, Policy):
         drawn &= np.isfinite(policy.q).sum(axis=1, keepdims=True) > 1
@@ -137,13 +138,15 @@ def _arrows(policy: Policy | ArrayLike, n_states: int) -> tuple[IntArray, IntArr
 
 
 def intervals(at: ArrayLike, ends: ArrayLike, axes: "Axes | None" = None, **look: Any) -> "Axes":
-    """Draw error bars of (3, n) lower ends, values and upper ends at (n,) places.
+    """Draw error bars.
 
-    low, high = errors.reward_interval(fit.reward_weights)
-    plots.intervals([0, 1], [low, fit.reward_weights, high], fmt="o")
+    at: (n,) places; ends: (3, n) lower ends, values and upper ends.
+
+        low, high = errors.reward_interval(fit.reward_weights)
+        plots.intervals([0, 1], [low, fit.reward_weights, high], fmt="o")
     """
-    axes, bounds = _axes(axes), np.asarray(number_array("ends", ends), dtype=np.float64)
-    require_shape("ends", bounds, (3, np.size(at)))
+    axes, bounds = _axes(axes), np.asarray(checks.number_array("ends", ends), dtype=np.float64)
+    checks.require_shape("ends", bounds, (3, np.size(at)))
     with np.errstate(invalid="ignore"):  # of infinite values, which are not drawn
         lengths = np.diff(bounds, axis=0)
     axes.errorbar(at, bounds[1], yerr=lengths, **look)
@@ -169,8 +172,8 @@ def outcomes(
     width = _GROUP / len(tables)
     places = [number + (i - (len(tables) - 1) / 2) * width for i in range(len(tables))]
     for i, (name, table) in enumerate(tables.items()):
-        rows = np.asarray(number_array(f"tables[{name!r}]", table), dtype=np.float64)
-        require_shape(f"tables[{name!r}]", rows, (len(number),), (3, len(number)))
+        rows = np.asarray(checks.number_array(f"tables[{name!r}]", table), dtype=np.float64)
+        checks.require_shape(f"tables[{name!r}]", rows, (len(number),), (3, len(number)))
         ends.append(rows if rows.ndim == 2 else np.stack([rows + np.nan, rows, rows + np.nan]))
         look: Look = {"label": name} | (looks[i] if looks else {})
         axes.bar(places[i], ends[i][1], width, **look)
@@ -199,7 +202,7 @@ def arrival(
 
         plots.arrival(law, n_episodes=20, label="predicted")
     """
-    require_kind("law", law, (ArrivalLaw, EmpiricalArrival), "empirical_arrival_cdf(...)")
+    checks.require_kind("law", law, (ArrivalLaw, EmpiricalArrival), "empirical_arrival_cdf(...)")
     axes = _axes(axes)
     band: Sequence[FloatArray] = ()
     if isinstance(law, EmpiricalArrival):
@@ -226,8 +229,8 @@ def learning_curve(
 
         plots.learning_curve(np.arange(fit.n_steps) + 1, fit.objective_trace)
     """
-    axes, rows = _axes(axes), np.asarray(number_array("measure", measure), dtype=np.float64)
-    require_shape("measure", rows, (np.size(sizes),), (3, np.size(sizes)))
+    axes, rows = _axes(axes), np.asarray(checks.number_array("measure", measure), dtype=np.float64)
+    checks.require_shape("measure", rows, (np.size(sizes),), (3, np.size(sizes)))
     (line,) = axes.plot(sizes, rows if rows.ndim == 1 else rows[1], **look)
     if rows.ndim == 2:
         axes.fill_between(sizes, rows[0], rows[2], color=line.get_color(), alpha=0.18, linewidth=0)
@@ -257,7 +260,7 @@ def _map(axes: "Axes | None", cells: Cells) -> tuple["Axes", FloatArray, float]:
         centers, side = cells.centers_m, cells.cell_size_m
         axes.set(xlabel="x in m", ylabel="y in m")
     else:
-        rows, columns = (int(size) for size in int_array("cells", cells, (2,)))
+        rows, columns = (int(size) for size in checks.int_array("cells", cells, (2,)))
         row, column = np.divmod(np.arange(rows * columns), columns)
         centers, side = np.stack([column, rows - 1.0 - row], axis=1), 1.0
         axes.set(xticks=[], yticks=[])

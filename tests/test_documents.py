@@ -14,7 +14,7 @@ from serd_bag.writer import BagWriter
 from serd_cli import options
 from serd_cli.app import make_app
 
-FOLDERS = ("bags", "docs", "lab", "ros_ws", "serd_core", "sim")
+FOLDERS = ("bags", "docs", "examples", "lab", "ros_ws", "serd_core", "sim")
 ROOT = Path(__file__).resolve().parents[1]
 
 

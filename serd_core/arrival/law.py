@@ -156,6 +156,8 @@ def crps_s(law: ArrivalLaw, arrival_times_s: ArrayLike) -> float:
     (Gneiting and Raftery, J. Am. Stat. Assoc. 102, 2007). law: a
     `serd_core.arrival.law.ArrivalLaw(times_s, cdf, arrival_probability)`; arrival_times_s: (N,),
     inf for who did not arrive. SerdError without a time, or for NaN.
+
+        print(sc.crps_s(law, [7.2, 8.4, np.inf]))
     """
     measured = _measured(arrival_times_s)
     # Between two steps of the law, or of a measured time, both functions are constant.
@@ -176,6 +178,8 @@ def gap_probability(law: ArrivalLaw, arrival_times_s: ArrayLike, seed: int = 0) 
     The gap is the largest difference of law and measured shares, (N,) times as in `crps_s`. Series
     are drawn from the law, which may have steps and need not reach 1. Where it is the mean of draws
     of a posterior, each series is drawn from one of these, as the world is one.
+
+        print(sc.gap_probability(law, [7.2, 8.4, np.inf]))
     """
     gap = largest_gap(law, arrival_times_s)
     by_chance = _gaps_by_chance(law, np.size(arrival_times_s), 1.0, N_SERIES, seed)
@@ -187,6 +191,8 @@ def detectable_delay(law: ArrivalLaw, n: int, seed: int = 0) -> float:
 
     It notices what is below 5 % in four of five series. law: as in `crps_s`. Returns inf where 3
     times as slow are not noticed.
+
+        print(sc.detectable_delay(law, 40))
     """
     limit = float(np.quantile(_gaps_by_chance(law, n, 1.0, N_SERIES, seed), 1.0 - LEVEL))
     low, high = 0, len(DELAYS)

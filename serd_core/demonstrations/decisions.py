@@ -66,7 +66,8 @@ class Decisions:
 
     def __repr__(self) -> str:
         hidden = f", {self.hidden.sum()} with hidden actions" if self.hidden.any() else ""
-        size = f"{len(self)} decisions in {len(self.episodes)} episodes{hidden}"
+        n = len(self.episodes)
+        size = f"{len(self)} decisions in {n} episode{'s' * (n != 1)}{hidden}"
         return f"<{type(self).__name__}: {size}{self.source and ', '}{self.source}>"
 
     def _repr_html_(self) -> str:

@@ -72,6 +72,8 @@ def optimal_policy(
 
     Arguments and result as in `soft_policy`. `greedy` is the first of the best actions; values of a
     state are equal within 1e-9 of the best one, and within the rounding of all.
+
+        print(sc.optimal_policy(problem, weights, table).greedy)
     """
     solution = _solved(problem, reward_weights, outcome_probabilities, HardBellman())
     best = solution.q.max(axis=1, keepdims=True)
@@ -124,15 +126,9 @@ def solution_at(
 
 
 def _policy(solution: BellmanSolution, probabilities: FloatArray) -> Policy:
-    return Policy(
-        value=solution.value,
-        q=solution.q,
-        probabilities=probabilities,
-        greedy=solution.q.argmax(axis=1),
-        residual=solution.residual,
-        error_bound=solution.error_bound,
-        converged=solution.converged,
-    )
+    greedy, bound = solution.q.argmax(axis=1), solution.error_bound
+    certificate = solution.residual, bound, solution.converged
+    return Policy(solution.value, solution.q, probabilities, greedy, *certificate)
 
 
 class PolicyModel:

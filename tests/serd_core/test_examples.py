@@ -11,12 +11,20 @@ import pandas
 import pytest
 
 import serd_core as sc
+from serd_core import plots
+from serd_core.arrival.law import ArrivalLaw
 from tests.support.small_problems import room, sampled
 
-DOCUMENTS = {name: inspect.getdoc(getattr(sc, name)) or "" for name in dir(sc)}
+PUBLIC = {name: getattr(sc, name) for name in dir(sc)}
+PUBLIC |= {
+    name: part
+    for name, part in vars(plots).items()
+    if getattr(part, "__module__", "") == plots.__name__ and name[0] != "_"
+}
+DOCUMENTS = {name: inspect.getdoc(part) or "" for name, part in PUBLIC.items()}
 EXAMPLES = {name: re.findall(r"(?:^    .*\n?)+", text, re.M) for name, text in DOCUMENTS.items()}
-#: Names whose indented lines are no program, and what they are.
-NO_PROGRAM = {"crps_s": "a formula"}
+#: Indented lines that are no program.
+FORMULA = "    CRPS = integral"
 
 
 def place(goal, n=2):
@@ -48,20 +56,29 @@ def given():
     )
     fit, timed_fit = (sc.fit_mdce_serd(each, decisions) for each in (problem, timed))
     found = sc.laplace(problem, decisions, fit)
+    law, errors = (
+        ArrivalLaw(np.arange(9.0), np.linspace(0.0, 0.9, 9), 1.0),
+        sc.standard_errors(problem, sc.fit_information(problem, decisions, fit)),
+    )
+    steps = [(0, 0), (0, 1), (1, 0), (0, -1), (-1, 0)]
     fit_without_walls = sc.fit_mdce_serd(place(24, 1), decisions, rng=rng, prior=sc.UniformPrior())
-    return locals() | {"sc": sc, "np": np, "pandas": pandas, "gymnasium": gymnasium}
+    return locals() | {"sc": sc, "np": np, "pandas": pandas, "gymnasium": gymnasium, "plots": plots}
 
 
-@pytest.mark.parametrize("name", sorted(filter(EXAMPLES.get, EXAMPLES.keys() - NO_PROGRAM)))
+@pytest.mark.parametrize("name", sorted(filter(EXAMPLES.get, EXAMPLES)))
 def test_the_examples_of_a_docstring_run(name, given, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pandas.DataFrame(given["decisions"].columns()).to_csv("decisions.csv")
-    for example in EXAMPLES[name]:
+    for example in (each for each in EXAMPLES[name] if not each.startswith(FORMULA)):
         fit = given["timed_fit" if "timed" in example else "fit"]
         names = given | {"fit": fit, "rng": np.random.default_rng(1)}
         exec(compile(textwrap.dedent(example), name, "exec"), names)
 
 
-def test_no_example_lost_its_indent():
+def test_every_function_has_an_example_and_none_lost_its_indent():
+    functions = {name for name, part in PUBLIC.items() if inspect.isfunction(part)}
+    assert {name for name in functions if "(" not in "".join(EXAMPLES[name])} == {
+        "move_log_likelihood"
+    }
     pattern = re.compile(r"^(\S.*\b)?sc\.", re.M)
     assert [name for name, text in DOCUMENTS.items() if pattern.search(text)] == []
