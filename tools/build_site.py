@@ -61,10 +61,8 @@ def documents() -> dict[str, str]:
     pages = {README: ""}
     for name in (name for name in names if (ROOT / name).is_file()):
         if not (ROOT / name).is_relative_to(THEME):
-            readme = f"]({'../' * name.count('/')}README.md"
-            text = (ROOT / name).read_text(encoding="utf-8")
             path = README if name == "README.md" else name
-            pages[path] = text.replace(readme, readme.replace("README.md", README))
+            pages[path] = (ROOT / name).read_text(encoding="utf-8")
     return pages
 
 

@@ -122,7 +122,9 @@ def check_dwell_times(
         "were moves twice as slow in cells from which none is recorded, the drive would take"
         f" {if_twice:.2f} times as long"
     )
-    sentence = f"{unknown}; {by_place}" if fails else f"{by_place}; {unknown}"
+    sentence = f"{by_place}; {unknown}"
+    if fails:
+        sentence = f"the learned way leads through cells that nobody drove: {unknown}; {by_place}"
     if found.tail <= level:
         least, most = _ratios(plan, found, starts)
         fails |= not (1.0 / margin <= least and most <= margin)

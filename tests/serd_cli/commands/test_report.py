@@ -16,7 +16,7 @@ from support.made_once import made_once
 
 SPEED_MPS = 0.4
 #: Dynamics are counted here, so that no demonstration is said to teach most.
-FIGURES = {"forecast", "visitation", "policy", "outcomes"}
+FIGURES = {"forecast", "visitation", "policy", "outcomes", "gain"}
 
 
 def laps(n_laps, rng):
@@ -80,7 +80,7 @@ def test_a_bag_of_another_robot_is_a_page_after_three_commands(three_commands):
     assert shown(page) == FIGURES
     text = page.read_text(encoding="utf-8")
     (headline,) = re.findall(r'<p class="headline">([^<]+)', text)
-    assert headline.startswith("By place moves take")  # slanted ones cross cells sooner
+    assert headline.startswith("The learned way leads through cells that nobody drove")
     summary = json.loads((folder / "report" / "summary.json").read_text())
     assert summary["outcome_probabilities"]["across_flow"][1] > 0.85
     assert summary["predicted_median_s"] == pytest.approx(17.0, abs=0.8)
