@@ -337,7 +337,7 @@ def standard_errors(
     if meat is not None:
         meat = float_array("meat", meat, covariance.shape)
         covariance = covariance @ meat @ covariance
-    idle = information.idle @ moved[Block.REWARD] != 0
+    idle = information.idle @ np.abs(moved[Block.REWARD]) > 0
     return StandardErrors(
         names=information.names,
         free=np.where(idle, np.inf, _errors(np.eye(len(matrix)), found, meat)),

@@ -54,7 +54,7 @@ class StampFinder:
         except BagError:
             types = {}
         for name, (_, fields) in types.items():
-            is_none = self._is_ros1 and fields[0][0] == _NO_FIELD
+            is_none = self._is_ros1 and [each[0] for each in fields] == [_NO_FIELD]
             self._fields[name] = [] if is_none else list(fields)
         if not any(_HEADER in (kind, self._kind) for each in types for _, kind in types[each][1]):
             self._fields = {}

@@ -43,7 +43,7 @@ def fix_clock(source: str | Path, target: str | Path) -> ClockReport:
     was ahead when the message was received; all other bytes stay as they are. The stamps as they
     were are in `original_stamps.csv` of the new bag: message counts from 0 within the topic, byte
     is the first one of the stamp. Where no clock is wrong, nothing is written. BagError where the
-    bag is damaged, and where `target` is neither new nor empty.
+    bag is damaged, and where there is something to write and `target` is neither new nor empty.
     """
     found = check_bag(source, most_compared=sys.maxsize)
     if not found.sound:
