@@ -121,11 +121,7 @@ def policy(
 
 def _arrows(policy: Policy | ArrayLike, n_states: int) -> tuple[IntArray, IntArray, FloatArray]:
     """State, action and probability of each arrow."""
-    given = (
-        policy.probabilities
-        if isinstance(policy, Policy)
-        else checks.number_array("policy", policy)
-    )
+    given = checks.number_array("policy", getattr(policy, "probabilities", policy))
     checks.require_shape("policy", given, (n_states,), (n_states, None))
     if given.ndim == 1:
         state = np.flatnonzero(given >= 0)

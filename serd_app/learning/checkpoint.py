@@ -162,12 +162,15 @@ class LearnerMemory:
             return None
         return np.array([weights[name] for name in self._feature_names])
 
-    def gather(self, *, unfinished: bool) -> TimedDecisions:
-        """Everything observed, which is written too; unfinished: see `LiveDrive.gathered`."""
+    def gather(self, *, unfinished: bool) -> tuple[TimedDecisions, TimedDecisions]:
+        """Everything observed, which is written too, and of it what to learn from.
+
+        unfinished: see `LiveDrive.gathered`.
+        """
         gathered = self.drive.gathered(unfinished=unfinished)
         self.folder.save_decisions(gathered)
-        self.decisions = until_goal(gathered, self._goals)
-        return gathered
+        self.decisions = decisions = until_goal(gathered, self._goals)
+        return gathered, decisions
 
     def save_progress(self, progress: FitProgress) -> None:
         """Write where an unfinished fit stands; the weights only of the fit to all episodes."""

@@ -111,7 +111,17 @@ def check_dwell_times(
     key, found = "dwell_times", place_factors(plan.problem, decisions, rng)
     if found is None:
         return Check(key=key, mark="unknown", sentence="no dwell time of a move is known")
-    if_twice = _ratio(plan, found, starts, 0.0, np.log(2.0))
+    forecast_s = _mean_s(plan, plan.problem, starts)
+
+    def ratio(known: FloatArray | float, unknown: float) -> float:
+        """By which it changes with log paces of cells with moves and others; 1 where it is not
+        finite, which other checks are of."""
+        pace = np.full(plan.problem.mdp.n_states, unknown)
+        pace[found.cells] = known
+        changed_s = _mean_s(plan, semi_markov_problem(plan.problem, log_pace=pace), starts)
+        return changed_s / forecast_s if np.isfinite([changed_s, forecast_s]).all() else 1.0
+
+    if_twice = ratio(0.0, np.log(2.0))
     fails = if_twice > MOST_UNKNOWN
     by_place = (
         f"by place moves take {found.factors.min():.2f} to {found.factors.max():.2f} times as long"
@@ -126,7 +136,8 @@ def check_dwell_times(
     if fails:
         sentence = f"the learned way leads through cells that nobody drove: {unknown}; {by_place}"
     if found.tail <= level:
-        least, most = _ratios(plan, found, starts)
+        paces = np.log(found.factors)
+        least, most = ratio(paces, paces.min()), ratio(paces, paces.max())
         fails |= not (1.0 / margin <= least and most <= margin)
         sentence += (
             f"; cells without moves may be as slow or as quick as others, so it takes {least:.2f}"
@@ -135,27 +146,7 @@ def check_dwell_times(
     return Check(key=key, mark="fails" if fails else "holds", sentence=sentence)
 
 
-def _ratios(plan: Plan, found: PlaceFactors, starts: IntArray) -> tuple[float, float]:
-    """Mean times of arrival by place over that of the plan: quickest, slowest unknown cells."""
-    known = np.log(found.factors)
-    return (
-        _ratio(plan, found, starts, known, float(known.min())),
-        _ratio(plan, found, starts, known, float(known.max())),
-    )
-
-
-def _ratio(
-    plan: Plan, found: PlaceFactors, starts: IntArray, known: FloatArray | float, unknown: float
-) -> float:
-    """Mean time of arrival with log paces of cells with moves and others, over that of the plan;
-    1 where it is not finite, which other checks are of."""
-    theta = plan.draws.mean(axis=0)
-    pace = np.full(plan.problem.mdp.n_states, unknown)
-    pace[found.cells] = known
-    paced = semi_markov_problem(plan.problem, log_pace=pace)
-    with_pace_s, forecast_s = (
-        arrival_moments(each, plan.policy.probabilities, theta, STEP_S)[0][starts].mean()
-        for each in (paced, plan.problem)
-    )
-    ratio = float(with_pace_s / forecast_s) if np.isfinite(with_pace_s) else 1.0
-    return ratio if np.isfinite(ratio) else 1.0
+def _mean_s(plan: Plan, problem: NavigationProblem, starts: IntArray) -> float:
+    """Mean time of arrival by a plan from the starts, where moves have the paces of a problem."""
+    theta, policy = plan.draws.mean(axis=0), plan.policy.probabilities
+    return float(arrival_moments(problem, policy, theta, STEP_S)[0][starts].mean())

@@ -126,9 +126,15 @@ def solution_at(
 
 
 def _policy(solution: BellmanSolution, probabilities: FloatArray) -> Policy:
-    greedy, bound = solution.q.argmax(axis=1), solution.error_bound
-    certificate = solution.residual, bound, solution.converged
-    return Policy(solution.value, solution.q, probabilities, greedy, *certificate)
+    return Policy(
+        value=solution.value,
+        q=solution.q,
+        probabilities=probabilities,
+        greedy=solution.q.argmax(axis=1),
+        residual=solution.residual,
+        error_bound=solution.error_bound,
+        converged=solution.converged,
+    )
 
 
 class PolicyModel:

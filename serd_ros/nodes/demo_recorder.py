@@ -183,6 +183,8 @@ class Recording(Activity):
 
     def _find(self) -> None:
         """Follow the topics that have come and match an expression."""
+        if not self._wanted:
+            return
         for name, types in self._node.get_topic_names_and_types():
             chosen, others = (
                 any(each.fullmatch(name) for each in some)

@@ -264,10 +264,10 @@ class Learning(Activity):
         self._again = self._node.config.learn_on == "episode" and memory.unlearned
 
     def _gather(self, memory: LearnerMemory, *, unfinished: bool) -> TimedDecisions:
-        gathered = memory.gather(unfinished=unfinished)
+        gathered, decisions = memory.gather(unfinished=unfinished)
         self._save_decisions(gathered)
         self._node.get_logger().info(f"in this session {memory.drive.report}")
-        return until_goal(gathered, self._task.problem.goal_states)
+        return decisions
 
     def _on_learn(self, _: Trigger.Request) -> str:
         """Answers at once: this executor cannot hold an answer back until a fit has ended."""
