@@ -67,6 +67,7 @@ BENCHMARKS = {
     for folder, name, about in (
         ("driving", "closed_loop", "256 episodes: people as given and from scans"),
         ("driving", "crowd_step", "a step of 30 to 1,000 people"),
+        ("driving", "live_latency", "from odometry to a command, and through the guard, live"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
         (
             "learning",

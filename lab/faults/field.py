@@ -98,7 +98,8 @@ class Field:
     """Watches and drives one robot in a namespace. node: of the caller, spun by `spin`."""
 
     def __init__(self, node: Node, spin: Callable[[], object], namespace: str) -> None:
-        self._node, self._spin, self._namespace = node, spin, namespace
+        self._spin, self._namespace = spin, namespace
+        self.node = node
         self.measured: dict[str, Any] = {}
         self.guard: dict[str, str] = {}
         self.endings: list[str] = []
@@ -234,7 +235,7 @@ class Field:
 
     def ahead(self, topic: str, speed_mps: float) -> Callable[[], None]:
         """What commands full speed ahead, from home where the robot has come far."""
-        publisher = self._node.create_publisher(Twist, topic, 10)
+        publisher = self.node.create_publisher(Twist, topic, 10)
         state = {"sent_s": 0.0}
 
         def drive() -> None:
@@ -352,7 +353,7 @@ def run_field(
         running(robot, stack, folder, environment, model, seed),
         field_of(f"/{robot}", domain) as seen,
     ):
-        if not seen.until(lambda: _is_ready(folder) and seen.measured, _READY_S):
+        if not seen.until(lambda: is_ready(folder) and seen.measured, _READY_S):
             raise SimError(f"the stack {stack} does not start; read the logs in {folder}")
         drive = seen.goals_to_and_fro()
         for task in missing:
@@ -380,7 +381,8 @@ def _append(table: RowTable, key: tuple[str, str, str], columns: Mapping[str, An
     table.append({**dict(zip(_KEYS, key, strict=True)), **none, **columns})
 
 
-def _is_ready(folder: Path) -> bool:
+def is_ready(folder: Path) -> bool:
+    """Whether the strategy that logs to a folder waits for a goal."""
     log = folder / "strategy.log"
     return log.is_file() and "waiting for a goal" in log.read_text()
 

@@ -16,10 +16,9 @@ from serd_bag.nearest import hint
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_files.yaml_config import read_yaml
-from serd_ros.graph.graph import PACKAGE, Stack, load_graph, placed_nodes
+from serd_ros.graph.graph import LOOPBACK_PROFILE, PACKAGE, Stack, load_graph, placed_nodes
 
 PROJECT = Path(__file__).resolve().parents[2]
-LOOPBACK_PROFILE = PROJECT / "serd_ros" / "process" / "fastdds_loopback.xml"
 PREFIXES = "AMENT_PREFIX_PATH"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"

@@ -5,6 +5,7 @@ would be new, so the time counts at which the middleware sent them, and only the
 """
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
@@ -21,6 +22,7 @@ from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import PeopleTopic, follow_transforms, when_placed
 from serd_ros.errors import MessageError
+from serd_ros.graph.graph import LOOPBACK_PROFILE
 from serd_ros.process.serd_node import Endpoints
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan
@@ -114,6 +116,9 @@ class ObservationSource:
         text, level = "", OK
         if self._is_silent:
             text, level = "; ".join(self._missing()) or "nothing has come since", WARN
+            if "no publisher" in text and str(LOOPBACK_PROFILE) in os.environ.values():
+                text += "; only this machine is searched, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET in"
+                text += " the environment of serd finds others"
             warning = f"no observation for {silent_s:.0f} s: {text}"
             self._node.get_logger().warning(warning, throttle_duration_sec=_LOG_PERIOD_S)
         values = {"silent_s": silent_s}

@@ -7,11 +7,11 @@ import pytest
 from serd_bag.errors import FileError
 from serd_cli.errors import UsageError
 from serd_cli.processes.workspace import (
-    LOOPBACK_PROFILE,
     find_command,
     parse_assignment,
     ros_environment,
 )
+from serd_ros.graph.graph import LOOPBACK_PROFILE
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import pytest
 
 from serd_core.grid.grid import Action
 from serd_ros.convert.motion import from_pose_stamped, to_intent, to_waypoint_message
+from serd_ros.graph.graph import LOOPBACK_PROFILE
 from serd_sim.world.waypoint import Waypoint
 from support.nodes_in_process import node_in_process
 from support.observations import observation_at
@@ -67,6 +68,19 @@ def test_unequal_stamps_are_named_where_equal_ones_are_required(planner):
     assert planner.health["name"] == "local_planner: observation"
     sentence = "odom is 0.500 s older than robot_pose; at most stamp_tolerance_s = 0"
     assert sentence in planner.health["message"]
+
+
+@pytest.mark.parametrize("profile", [str(LOOPBACK_PROFILE), "my_profile.xml"])
+def test_where_no_other_machine_is_searched_a_missing_publisher_says_how_to_do_so(
+    monkeypatch, profile
+):
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", profile)
+    with node_in_process("local_planner", lockstep=False, stamp_tolerance_s=0.3) as running:
+        running.wait(3.0)
+        running.call_timers()
+        message = running.health["message"]
+    assert "odom has no publisher" in message
+    assert ("DISCOVERY_RANGE=SUBNET" in message) == (profile == str(LOOPBACK_PROFILE))
 
 
 class Lockstep:
