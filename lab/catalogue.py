@@ -65,7 +65,6 @@ EXPERIMENTS = {
 BENCHMARKS = {
     name.replace("_", "-"): Work(f"lab.benchmarks.{folder}.{name}", about)
     for folder, name, about in (
-        ("driving", "closed_loop", "256 episodes: people as given and from scans"),
         ("driving", "crowd_step", "a step of 30 to 1,000 people"),
         ("driving", "live_latency", "from odometry to a command, and through the guard, live"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),

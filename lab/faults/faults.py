@@ -1,5 +1,6 @@
 """Faults of inputs: what reaches planner and guard of the messages of each control period."""
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from serd_bag.nearest import choice_rule
+from serd_core.arrays import BoolArray
 from serd_sim.errors import SimError
 from serd_sim.safety.motion import Pose
 from serd_sim.safety.reasons import Source
@@ -71,12 +73,17 @@ def _every_range(value: float) -> Channel:
     )
 
 
+def rays_ahead(scan: Scan) -> BoolArray:
+    """(n_rays,) which rays are in the quarter turn ahead of the robot."""
+    bearing_rad = scan.angles_rad + (0.0 if scan.mount is None else scan.mount[2])
+    return np.cos(bearing_rad) > math.sqrt(0.5)
+
+
 def _sector_ahead(value: float) -> Channel:
     """The ranges of a quarter turn ahead have that value."""
 
     def hidden(scan: Scan) -> Scan:
-        ahead = np.abs(np.remainder(scan.angles_rad + np.pi, 2.0 * np.pi) - np.pi) < np.pi / 4.0
-        ranges_m = np.where(ahead, np.float32(value), scan.ranges_m)
+        ranges_m = np.where(rays_ahead(scan), np.float32(value), scan.ranges_m)
         return replace(scan, ranges_m=ranges_m)
 
     return _altered(Source.SCAN, hidden)

@@ -54,6 +54,8 @@ _GOAL_S, WATCHED_S, _READY_S = 120.0, 9.0, 90.0
 #: Places of goals in the hallway (m).
 _EAST_M, _NORTH_M = (1.5, 2.5, 3.5, 4.5), (2.5, 3.5, 4.5, 5.5)
 _FAST, _COMMAND_S = 0.85, 0.05
+#: Share of the rays ahead that show something where a fault hides them.
+_SHOWN = 0.2
 
 #: The driver was late where it published nothing for the first time (s) within the second (s).
 _LATE_S, _AROUND_S = 0.15, 1.5
@@ -110,7 +112,6 @@ class Field:
         self._was_stopped = False
         self._goals = node.create_publisher(PoseStamped, self._name("goal_pose"), qos.COMMAND)
         self._disturb = node.create_publisher(String, self._name("disturb"), 10)
-        self._drivers: dict[str, Any] = {}
         node.create_subscription(String, self._name("measured"), self._on_measured, 10)
         node.create_subscription(DiagnosticArray, self._name("episode"), self._on_mark, qos.STATE)
         kind, name = TYPES["guard_state"].message, self._name("guard_state")
@@ -201,7 +202,8 @@ class Field:
 
         def is_fast() -> bool:
             drive()
-            return abs(float(self.measured.get("speed_mps", 0.0))) >= _FAST * fast_mps
+            hides = name != "scan_sector" or self.measured.get("shown_ahead", 0.0) > _SHOWN
+            return hides and abs(float(self.measured.get("speed_mps", 0.0))) >= _FAST * fast_mps
 
         def stood() -> bool:
             drive()

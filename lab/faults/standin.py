@@ -33,7 +33,7 @@ from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import String
 
-from lab.faults.faults import Channel, Messages, fault_named, intact
+from lab.faults.faults import Channel, Messages, fault_named, intact, rays_ahead
 from lab.faults.robots import PERSON_RADIUS_M, ROBOTS, robot_named
 from serd_bag.formats.rosbag2.message_types import message_type, rosbags_types
 from serd_ros.convert.motion import to_pose, to_quaternion, to_twist
@@ -183,7 +183,7 @@ class Standin(Node):  # type: ignore[misc]  # rclpy has no types
         self.pose: Pose = HOME
         #: Odometry begins at zero, and goes on where the robot is placed elsewhere.
         self._wheels: Pose = (0.0, 0.0, 0.0)
-        self.speeds = (0.0, 0.0)
+        self.speeds, self._shown_ahead = (0.0, 0.0), 0.0
         self._commands, self._measured = CommandGuard(0.5), Measurement()
         self._walkers = Walkers() if options.people else None
         self._channel: Channel = intact
@@ -235,6 +235,7 @@ class Standin(Node):  # type: ignore[misc]  # rclpy has no types
         self._publish(self._channel(self._messages(now_s)))
         if self._is_due("measured", now_s, MEASURED_S):
             found: dict[str, Any] = {"pose": self.pose, "speed_mps": self.speeds[0]}
+            found |= {"shown_ahead": self._shown_ahead}
             found |= {"fault": self._measured.fault, "gap_s": self._gap_s}
             self._gap_s = 0.0
             found |= {**self._measured.contacts, **self._measured.times}
@@ -282,7 +283,8 @@ class Standin(Node):  # type: ignore[misc]  # rclpy has no types
             stamp_s = now_s - robot.late_s
             back = (-self.speeds[0] * robot.late_s, 0.0, -self.speeds[1] * robot.late_s)
             ranges_m = robot.ranges_m(self._walls_m, compose(self.pose, back), people_m, self.rng)
-            scan = Scan(stamp_s, ranges_m.astype(np.float32), robot.geometry)
+            scan = Scan(stamp_s, ranges_m.astype(np.float32), robot.geometry, robot.mount)
+            self._shown_ahead = float(scan.valid[rays_ahead(scan)].mean())
             found.append(Message(Source.SCAN, stamp_s, scan))
         return found
 

@@ -27,6 +27,8 @@ _WALKS_MPS = 0.05
 _TWIST_ERROR_M, _TWIST_LAG_S = 0.15, 0.2
 #: Time (s) over which motions are compared, and for which a pose must be consistent after a jump.
 _WINDOW_S, _SECOND_LOOK_S = 2.0, 1.0
+#: Poses of a slow robot are compared over as long, until it has moved by as many tolerances.
+_SLOW_WINDOW_S, _TOLERANCES = 10.0, 2.0
 #: Messages with the same people, some of them walking, that are frozen.
 _FROZEN_MESSAGES = 3
 #: Share of people in view whom the scan does not show, from which they are wrong, and for how long
@@ -162,8 +164,15 @@ class PoseMonitor:
         elif stamp_s - self._faulty_since_s >= _SECOND_LOOK_S - _EARLY_S:
             self._fault = None
         self._window.append((stamp_s, pose, odometry))
-        while self._window[0][0] < stamp_s - _WINDOW_S:
+        while self._window[0][0] < stamp_s - self._window_s(odometry):
             self._window.popleft()
+
+    def _window_s(self, odometry: Pose) -> float:
+        """How far back motions are compared: a slow robot must have moved by what is tolerated."""
+        x_m, y_m, turn = motion_between(self._window[0][2], odometry)
+        moved = math.hypot(x_m, y_m) > _TOLERANCES * self._settings.pose_tolerance
+        turned = abs(turn) > _TOLERANCES * self._settings.yaw_tolerance
+        return _WINDOW_S if moved or turned else _SLOW_WINDOW_S
 
     def check(self) -> Check:
         """What the pose allows; a contradiction lasts until the pose was consistent for a while."""

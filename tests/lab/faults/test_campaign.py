@@ -84,6 +84,17 @@ def test_a_fault_changes_values_of_its_topic_alone_under_fresh_stamps(fault, pos
     assert [each.value.stamp_s for each in of_scan] == [each.stamp_s for each in of_scan]
 
 
+@pytest.mark.parametrize("yaw_rad", [0.0, math.pi, 2.0])
+def test_a_sector_ahead_is_ahead_of_the_robot_wherever_its_lidar_looks(yaw_rad):
+    channel = FAULTS["scan_near"].make(np.random.default_rng(1), PERIOD_S)
+    geometry = ScanGeometry(0.0, math.radians(1.0), 0.1, 10.0)
+    scan = Scan(0.0, np.full(360, 2.0, dtype=np.float32), geometry, (0.1, 0.0, yaw_rad))
+    ((message,),) = [channel([Message(Source.SCAN, 0.0, scan)])]
+    hidden = message.value.angles_rad[np.isneginf(message.value.ranges_m)] + yaw_rad
+    assert len(hidden) == pytest.approx(90, abs=1)
+    assert np.cos(hidden).min() > math.cos(math.radians(45.1))
+
+
 def test_late_messages_keep_their_stamps():
     published, arrived = _arriving("delay_1s", 22)
     assert arrived[:20] == [[]] * 20

@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,17 @@ from serd_core.grid.grid import Action
 from serd_files.errors import USER_ERRORS
 from serd_files.table import RowTable
 from serd_files.yaml_config import model_yaml
-from serd_sim.episodes.batch import COLUMNS, TASK_COLUMNS, EpisodeTask, run_batch, run_task
+from serd_sim.episodes.batch import (
+    COLUMNS,
+    TASK_COLUMNS,
+    EpisodeTask,
+    run_batch,
+    run_task,
+    summarise,
+)
 from serd_sim.episodes.execution import Execution
 from serd_sim.episodes.film import TopView, save_gif, save_png
-from serd_sim.episodes.metrics import MetricsObserver, time_to_collision_s
+from serd_sim.episodes.metrics import EpisodeMetrics, MetricsObserver, time_to_collision_s
 from serd_sim.scenario.scenario import load_scenario
 from serd_sim.world.command import STOP, Command
 from serd_sim.world.world import HallwayWorld
@@ -221,3 +229,41 @@ def test_a_movie_without_frames_or_whose_frames_fail_leaves_nothing_behind(tmp_p
     with pytest.raises(RuntimeError, match="no more"):
         save_gif(failing(), tmp_path / "half.gif")
     assert not list(tmp_path.iterdir())
+
+
+def row_of(seed, outcome, time_s, **values):
+    base = {
+        **dict.fromkeys(("scenario", "start_area", "driver", "people_from"), "any"),
+        "n_people": 30,
+        "guarded": 1,
+        "seed": seed,
+        "outcome": outcome,
+        "time_of_arrival_s": time_s,
+        "distance_m": 20.0 + seed,
+        "minimum_person_distance_m": 0.1 * seed,
+        "robot_on_person": 0,
+        "person_on_robot": seed,
+        "robot_on_wall": 0,
+        **{each.name: 0.5 for each in fields(EpisodeMetrics)},
+    }
+    return base | values
+
+
+def test_a_summary_averages_over_the_episodes_of_a_condition():
+    rows = [
+        row_of(1, "arrived", 50.0),
+        row_of(2, "arrived", 60.0),
+        row_of(3, "timeout", math.nan),
+    ]
+    (summary,) = summarise(rows)
+    assert summary.n_episodes == 3
+    assert summary.n_arrived == 2
+    assert summary.mean_time_of_arrival_s == pytest.approx(55.0)
+    assert summary.mean_distance_m == pytest.approx(22.0)
+    assert summary.person_on_robot == pytest.approx(2.0)
+    assert summary.minimum_person_distance_m == pytest.approx(0.1)
+    (late,) = summarise([row_of(1, "timeout", math.nan)])
+    assert math.isnan(late.mean_time_of_arrival_s)
+    # Closed form of the exact interval where all n arrive: it begins at 0.025 ** (1 / n).
+    (all_in,) = summarise([row_of(seed, "arrived", 50.0) for seed in (1, 2, 3)])
+    assert (all_in.arrival_low, all_in.arrival_high) == pytest.approx((0.025 ** (1 / 3), 1.0))

@@ -159,6 +159,19 @@ def test_an_input_without_a_sound_value_stands_the_robot_until_it_has_one(
     assert (drive.output.reasons, drive.speed_mps) == ((), 1.2)
 
 
+@pytest.mark.parametrize("speed_mps", [0.1, 0.25, 1.2])
+def test_a_pose_that_does_not_move_stands_a_robot_of_any_speed_within_its_tolerance(speed_mps):
+    drive = Drive(GuardSettings(pose_tolerance=0.5))
+    drive.command = Command(speed_mps, 0.0)
+    drive.run(12.0)
+    begun_m = drive.x_m
+    # Not bit for bit: a localisation and odometry make a little of it.
+    drive.faults["pose"] = lambda t, pose: (t, (begun_m + 0.01 * math.sin(t), *pose[1:]))
+    while drive.tick().command != STOP:
+        assert drive.x_m - begun_m < (0.5 + 0.02) / 0.9 + 0.2 * speed_mps
+    assert Fault.INCONSISTENT in {fault for _, fault in drive.reasons()}
+
+
 def test_a_robot_stands_where_inputs_have_not_come_or_have_old_stamps():
     for name in SOURCES:
         drive = Drive(**{name: never})
