@@ -429,9 +429,7 @@ class Navigating(Activity):
         if self.runner.ready:
             self.runner.next_episode()
 
-    def _end_goal(
-        self, stage: "Stage", how: action.Ending, reason: str = "", code: int = 0
-    ) -> None:
+    def _end_goal(self, stage: Stage, how: action.Ending, reason: str = "", code: int = 0) -> None:
         if stage in self._goals:
             self._goals.pop(stage).end(how, reason, code)
 
@@ -450,20 +448,16 @@ class Navigating(Activity):
                 self._fed_back_wall_s = self._node.wall_s()
                 self._feed_back(goal.client)
 
-    def _cancel(self, stage: "Stage") -> None:
-        if stage == "driven":
-            self._cancel_drive()
-        elif stage == "asked":
+    def _cancel(self, stage: Stage) -> None:
+        if stage == "asked":
             self._plans.forget()
             self._navigator.keep_plan()
-
-    def _cancel_drive(self) -> None:
-        """The robot stands where it is."""
-        self.runner.discard()
-        self._records.discard_prediction()
-        self._plan.goal_waits, self._approach, self._waypoint = False, None, None
-        if self.runner.observation is not None:
-            self._publish_waypoint(self.runner.observation)
+        elif stage == "driven":  # the robot stands where it is
+            self.runner.discard()
+            self._records.discard_prediction()
+            self._plan.goal_waits, self._approach, self._waypoint = False, None, None
+            if self.runner.observation is not None:
+                self._publish_waypoint(self.runner.observation)
 
     def _feed_back(self, client: ActionGoal) -> None:
         seen, forecast = self.runner.observation, self._navigator.forecast
