@@ -137,14 +137,18 @@ class FrozenMonitor:
 
 
 class PoseMonitor:
-    """Compares the motion of the pose with that of odometry."""
+    """Compares the motion of the pose with that of odometry.
+
+    A robot that stands shows nothing of its pose: each time that it contradicts again, before the
+    robot has moved by some tolerances, it stands for twice as long.
+    """
 
     def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
         self._window: deque[tuple[float, Pose, Pose]] = deque()
         self._fault: Fault | None = None
-        self._faulty_since_s = 0.0
+        self._faulty_since_s, self._stands_s, self._look_s = 0.0, 0.0, _SECOND_LOOK_S
         #: Whether the newest pose is another place than speed can explain.
         self.has_leapt = False
 
@@ -160,19 +164,30 @@ class PoseMonitor:
         fault = self._contradiction(pose, odometry)
         if fault is not None:
             self._window.clear()
+            if fault is Fault.JUMP:
+                self._stands_s = _SECOND_LOOK_S
+            elif self._fault is None:
+                self._stands_s = self._look_s
+                self._look_s = min(2.0 * self._look_s, _LONGEST_LOOK_S)
             self._fault, self._faulty_since_s = fault, stamp_s
-        elif stamp_s - self._faulty_since_s >= _SECOND_LOOK_S - _EARLY_S:
+        elif stamp_s - self._faulty_since_s >= self._stands_s - _EARLY_S:
             self._fault = None
         self._window.append((stamp_s, pose, odometry))
-        while self._window[0][0] < stamp_s - self._window_s(odometry):
+        if self._has_moved(odometry):
+            self._look_s = _SECOND_LOOK_S
+        while self._window[0][0] < stamp_s - _SLOW_WINDOW_S or (
+            self._window[0][0] < stamp_s - _WINDOW_S and self._has_moved(odometry)
+        ):
             self._window.popleft()
 
-    def _window_s(self, odometry: Pose) -> float:
-        """How far back motions are compared: a slow robot must have moved by what is tolerated."""
+    def _has_moved(self, odometry: Pose) -> bool:
+        """Whether the robot has moved, within the window, by more than what is tolerated."""
         x_m, y_m, turn = motion_between(self._window[0][2], odometry)
-        moved = math.hypot(x_m, y_m) > _TOLERANCES * self._settings.pose_tolerance
-        turned = abs(turn) > _TOLERANCES * self._settings.yaw_tolerance
-        return _WINDOW_S if moved or turned else _SLOW_WINDOW_S
+        settings, way_m = self._settings, math.hypot(x_m, y_m)
+        return (
+            way_m > _TOLERANCES * settings.pose_tolerance
+            or abs(turn) > _TOLERANCES * settings.yaw_tolerance
+        )
 
     def check(self) -> Check:
         """What the pose allows; a contradiction lasts until the pose was consistent for a while."""

@@ -170,6 +170,18 @@ def test_a_pose_that_does_not_move_stands_a_robot_of_any_speed_within_its_tolera
     while drive.tick().command != STOP:
         assert drive.x_m - begun_m < (0.5 + 0.02) / 0.9 + 0.2 * speed_mps
     assert Fault.INCONSISTENT in {fault for _, fault in drive.reasons()}
+    stood_s = []
+    for _ in range(3):  # it tries again, and waits for twice as long each time
+        begun_s = drive.time_s
+        while drive.tick().command == STOP:
+            pass
+        stood_s.append(drive.time_s - begun_s)
+        while drive.tick().command != STOP:
+            pass
+    assert stood_s == pytest.approx([1.0, 2.0, 4.0], abs=0.15)
+    drive.faults = {}
+    drive.run(25.0)
+    assert (drive.output.reasons, drive.speed_mps) == ((), speed_mps)
 
 
 def test_a_robot_stands_where_inputs_have_not_come_or_have_old_stamps():
