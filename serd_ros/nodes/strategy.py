@@ -148,7 +148,8 @@ class Navigating(Activity):
         self._waypoints = endpoints.publisher(PoseStamped, topics.WAYPOINT, qos.STATE)
         self._reporter = StrategyReporter(endpoints)
         #: Why there is no plan, while there is none.
-        self._lack = f"the model file {config.model}, or a model on the topic {topics.MODEL}"
+        path = Path(config.model).absolute()
+        self._lack = f"the model file {path}, or a model on the topic {topics.MODEL}"
         scenario = plan.navigator.wanted.scenario
         self.runner = EpisodeRunner(
             endpoints, config, scenario, plan.navigator, self._steer, plan.results,
