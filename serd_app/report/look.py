@@ -62,13 +62,15 @@ class LookedDrive:
 class Looked:
     """What a recording shows. tracks_m: per drive (T, 3) of time (s), x and y; people (N, 3)
     likewise. commands: (C, 2) times and forward speeds that were sent. outcomes: of moves by
-    commands, counted; n_decisions: all. mapping: as it was used, None for our own bags and tables.
-    failure: why no drive was found, else empty. enough: the sentence about what is missing.
+    commands, counted; n_decisions: all. mapping: as it was used, None for our own bags and tables;
+    mapping_file: that was given. failure: why no drive was found, else empty. enough: the sentence
+    about what is missing.
     """
 
     path: Path
     recording: Recording | None = None
     mapping: BagMapping | None = None
+    mapping_file: Path | None = None
     drives: tuple[LookedDrive, ...] = ()
     tracks_m: tuple[FloatArray, ...] = ()
     people: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
@@ -90,6 +92,8 @@ class Looked:
         if not self.n_decisions:
             return ()
         path = shlex.quote(str(self.path))
+        if self.mapping_file is not None:
+            return (f"serd demos {path} --mapping {shlex.quote(str(self.mapping_file))}",)
         if self.mapping is None:
             return (f"serd demos {path}",)
         return (f"serd bag suggest {path}", f"serd demos {path} --mapping mapping.yaml")
@@ -104,10 +108,11 @@ def look(path: Path, mapping: Path | None = None) -> Looked:
     if is_table(path):
         recording = read_recording(path, mapping=given, tolerant=True)
         people = [np.column_stack([p.time_s, p.position_m]) for p in recording.people]
-        found = Looked(path, recording, n_people=len(people), remarks=recording.assumed)
-        return _completed(replace(found, people=_stacked(people)))
+        found = Looked(path, recording, mapping_file=mapping, remarks=recording.assumed)
+        return _completed(replace(found, n_people=len(people), people=_stacked(people)))
     check = check_bag(path)
-    found = Looked(path, check=check, remarks=(*check.faults, *check.remarks))
+    remarks = (*check.faults, *check.remarks)
+    found = Looked(path, mapping_file=mapping, check=check, remarks=remarks)
     try:
         found = _drives_of_bag(found, given if isinstance(given, BagMapping) else None)
     except USER_ERRORS as error:

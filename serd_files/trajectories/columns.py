@@ -44,6 +44,7 @@ Columns = dict[str, int]
 _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 _CASE = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_DEGREES = frozenset(["lat", "latitude", "lon", "lng", "longitude"])
 #: Words for a place, which may precede the axis.
 PLACE_WORDS = frozenset(["position", "pos", "pose", "field"])
 
@@ -184,7 +185,7 @@ def columns_of(where: str, cells: Cells, wanted: TableColumns) -> Columns:
     if "time" not in found and "frame" in found:
         found["time"] = found["frame"]
     if not found.keys() >= {"time", "x", "y"}:
-        raise _missing(where, names, found)
+        raise _missing(where, cells, found)
     return found
 
 
@@ -224,27 +225,37 @@ def _require_one(where: str, cells: Cells, roles: Sequence[str]) -> None:
     )
 
 
-def _missing(where: str, names: Sequence[str], found: Mapping[str, int]) -> FileError:
-    """Return the error about columns that are missing, with a mapping in the order of the table."""
+def _missing(where: str, cells: Cells, found: Mapping[str, int]) -> FileError:
+    """Return the error about columns that are missing, with a mapping in the order of the table.
+
+    Columns with one number alone are no places or times, and degrees are none either.
+    """
+    names = cells.names
     lacking = [role for role in ("time", "x", "y") if role not in found]
     sentence = (
         f"{where} must have columns of time, x and y, {' and '.join(lacking)}"
         f" {'is' if len(lacking) == 1 else 'are'} not among {', '.join(names)}"
     )
-    rest = {at: name for at, name in enumerate(names) if at not in found.values()}
-    words = {at: _WORD.findall(name.lower()) for at, name in rest.items()}
-    if len(rest) < len(lacking):
+    rest = {at: _WORD.findall(name.lower()) for at, name in enumerate(names)}
+    if degrees := [names[at] for at, words in rest.items() if _DEGREES.intersection(words)]:
+        return FileError(
+            f"{sentence}; {' and '.join(degrees)} are degrees, convert them to metres (UTM, or east"
+            " and north of a point) in columns x and y"
+        )
+    varied = cells.frame.apply(lambda column: column.nunique() > 1)
+    words = {at: each for at, each in rest.items() if at not in found.values() and varied.iloc[at]}
+    if len(words) < len(lacking):
         return FileError(f"{sentence}; export the table with them")
     if (
-        len(rest) > len(lacking) > 1
+        len(words) > len(lacking) > 1
         and found["agent"] < 0
         and not any("x" in each for each in words.values())
     ):
         lacking = [*lacking[:-2], "agent", "x", "y"]
     chosen = {}
     for role in lacking:
-        chosen[role] = next((at for at in rest if role in words[at]), next(iter(rest)))
-        del rest[chosen[role]]
+        chosen[role] = next((at for at, each in words.items() if role in each), next(iter(words)))
+        del words[chosen[role]]
     mapping = mapping_of(names, **chosen)
     return FileError(f"{sentence}; name the columns in a --mapping file, as {mapping}")
 

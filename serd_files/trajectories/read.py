@@ -21,6 +21,7 @@ from serd_files.trajectories.columns import (
     TableColumns,
     columns_of,
     mapping_of,
+    role_of,
     rows_of,
 )
 from serd_files.trajectories.speed import of_speed
@@ -83,7 +84,7 @@ def read_trajectories(path: str | Path, wanted: TableColumns | None = None) -> T
     points, strays = _without_strays(points)
     points, jumps = _divided(points, rows.names, has_ids=rows.has_ids or columns["episode"] >= 0)
     assumed = (*own_clocks, *of_speed(path, rows, points, wanted), *contradictions)
-    tracks = _tracks(points, rows, _kinds(cells))
+    tracks = _tracks(points, rows, _kinds(cells, columns["agent"]))
     if not tracks:
         raise _no_agents(path, rows)
     left_out = [*assumed, *jumps, *strays, *[unused] * bool(unused)]
@@ -250,10 +251,10 @@ def _tracks(points: "pd.DataFrame", rows: Rows, kinds: list[list[str]]) -> tuple
     )
 
 
-def _kinds(cells: Cells) -> list[list[str]]:
-    """Return the class of each row's agent, by each column of classes."""
+def _kinds(cells: Cells, ids: int) -> list[list[str]]:
+    """Return the class of each row's agent, by each column of classes or of ids beside the used."""
     return [
         [str(value) for value in cells.frame.iloc[:, column]]
         for column, name in enumerate(cells.names)
-        if name.strip().lower() in _KINDS
+        if name.strip().lower() in _KINDS or (role_of(name) == "agent" and column != ids)
     ]

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 
 import numpy as np
 import pytest
@@ -113,6 +114,14 @@ def test_drives_are_listed_with_why_they_end_and_moves_are_counted(bag):
     assert found.enough.startswith("2 drives of")
     missing = int(re.search(r"; (\d+) more", found.enough)[1])
     assert 3 <= 2 + missing <= 10
+
+
+def test_the_next_command_names_the_mapping_that_was_given(tmp_path):
+    table, mapping = tmp_path / "laps.csv", tmp_path / "of mine.yaml"
+    table.write_text("when,x,y\n" + "".join(f"{0.1 * n:.1f},{0.1 * n},0\n" for n in range(60)))
+    mapping.write_text("{time: when}")
+    (command,) = look(table, mapping).next_commands()
+    assert shlex.split(command)[2:] == [str(table), "--mapping", str(mapping)]
 
 
 def test_a_page_shows_all_parts_and_a_recording_without_scans_says_so(bag, tmp_path):

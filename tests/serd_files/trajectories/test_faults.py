@@ -101,6 +101,7 @@ ROBOT_1 = np.where(WALKS.id == 1, "robot", "anna")
         ({"type": ("Robot", "pedestrian")}, "experts: ['1', '2']", (2, 2), ""),
         ({"type": ("tug", "human")}, "experts: [tug]", (1, 1), ""),
         ({"label": ("compliant", "ok"), "type": ("robot", "human")}, "", (1, 1), ""),
+        ({"agent": ("AGV", "human")}, "", (1, 1), "1 demonstrates among 1 people ('exp"),
         ({"id": ("spot_1", "p2")}, "experts: ['spot*']", (1, 1), ""),
         ({"id": ("robot_a", "anna")}, "", (1, 1), "robot_a demonstrates among 1 people ('exp"),
         ({"id": ("mobile_robot", "7")}, "", (1, 1), "mobile_robot demonstrates among 1 people"),

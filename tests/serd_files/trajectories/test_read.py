@@ -157,6 +157,10 @@ def test_units_that_are_not_stated_are_one_line(tmp_path, name, unit):
             stamped("0.0,1,0,1", float),
             "time and x and y are not among 1, 2, 3, 4; name the columns",
         ),
+        (  # the height that does not change is no place
+            "\n".join(f"{t},{a},{x},0,{y},0.5" for t, a, x, y in rows()),
+            "time and x and y are not among 1, 2, 3, 4, 5, 6; name the columns",
+        ),
     ],
 )
 def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, text, sentence):
@@ -178,6 +182,8 @@ def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, t
         ("t,x,y\n0,1e300,2e300\n1,2e300,2e300\n", {}, "holds none in 2 rows, 0 of which have"),
         ("hello\nworld\n", {}, "time and x and y are not among hello; export the table with them"),
         ("t,z\n0,1\n1,2\n", {}, "x and y are not among t, z; export the table with them"),
+        ("t,lat,Longitude\n0,1,2\n1,3,4\n", {}, "lat and Longitude are degrees, convert them"),
+        ("t,x,y\n0,1,1\n1,1,1\n", {}, "agents must move, but their mean speed is 0 m/s"),
         ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", {}, "must hold agents with two places at least"),
         ("a\0b", {}, "must be a table of text, it is none"),
         ("t,x,y\n0,1,1\n2,3,1,9\n", {}, "must be a table, but .* Expected 3 fields in line 2"),
