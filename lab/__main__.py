@@ -4,6 +4,7 @@ Exit codes: 0 done, 2 bad usage or input, 130 interrupted.
 """
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -31,6 +32,7 @@ from serd_files.errors import USER_ERRORS
 
 def main(words: Sequence[str]) -> int:
     """Run what the words name; its exit code. An error of the project is one line on stderr."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that processes are ended too
     try:
         with written_output():
             if not words or words[0] in ("-h", "--help"):
