@@ -50,6 +50,8 @@ _SQUARE_M = 0.02
 _HELD_S = 0.5
 #: The lidar looks in a direction where it has a ray within this angle (rad).
 _ABOUT_RAD = 0.1
+#: Between rays that are farther apart it does not look, and each return is as wide as their gap.
+_APART_RAD = 2.0 * _ABOUT_RAD
 #: Scan points nearer than this (m) to the body of a person belong to that person.
 BODY_MARGIN_M = 0.15
 NO_POINTS: FloatArray = np.zeros((0, 2))
@@ -124,8 +126,10 @@ class KnownSpace:
         """
         settings = self.settings
         mount = self.mount_of(raw)
-        edge_m = _edge_m(raw.geometry, len(raw.ranges_m), mount, settings.outline)
-        scan, near = raw.interpreted(settings.zero_is)
+        interpreted, near = raw.interpreted(settings.zero_is)
+        scan = interpreted.dense(_APART_RAD)
+        near = np.repeat(near, len(scan.ranges_m) // len(near))
+        edge_m = _edge_m(scan.geometry, len(scan.ranges_m), mount, settings.outline)
         free, unknown = np.isposinf(scan.ranges_m), np.isnan(scan.ranges_m)
         lidar = compose(odometry, mount)
         ends = self._kept + self._newest
@@ -155,6 +159,7 @@ class KnownSpace:
         end_m[near] = np.where(np.isinf(end_m), edge_m, np.maximum(end_m, edge_m))[near]
         known_m = _known_m(scan, blind, end_m, ray[along_blind], left_m[along_blind])
         points_m = self._points(scan, mount, ~(free | unknown), end_m)
+        looks = abs(raw.geometry.angle_increment_rad) <= _APART_RAD
         seen = SeenSpace(
             points_m=np.concatenate([points_m, out_of_frame(place_m[held | left], mount)]),
             unknown_m=self._points(
@@ -162,9 +167,9 @@ class KnownSpace:
             ),
             blind_share=float(blind.mean()),
             lost=bool(lost.any()),
-            ahead=self._looks(scan, mount, 0.0),
-            behind=self._looks(scan, mount, math.pi),
-            around=scan.geometry.closes(len(free)),
+            ahead=looks and self._looks(scan, mount, 0.0),
+            behind=looks and self._looks(scan, mount, math.pi),
+            around=looks and scan.geometry.closes(len(free)),
         )
         ends.was_gone[gone] = True
         hidden = (along_blind | (inside & near[ray])) & is_recent

@@ -35,6 +35,17 @@ def test_no_reading_of_a_sector_ahead_drives_the_robot_into_the_wall(value, degr
     assert corridor.speeds[0] == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.parametrize("n_rays", [4, 8, 9, 12, 17, 24, 31])
+def test_a_robot_whose_lidar_has_few_rays_creeps_and_stands_before_the_wall(n_rays):
+    corridor = Corridor(n_rays=n_rays).run(3.0)
+    assert max(corridor.speeds) <= 0.11
+    assert "NOT_IN_VIEW" in corridor.faults
+    corridor.run(75.0)
+    assert corridor.pose[0] > 5.0
+    assert corridor.gap_m > 0.0
+    assert corridor.speeds[0] == pytest.approx(0.0, abs=0.02)
+
+
 @pytest.mark.parametrize("value", [-np.inf, 0.05])
 def test_a_return_that_is_too_near_is_an_obstacle_at_range_min(value):
     corridor = Corridor().sector(value, 40.0).run(8.0)
