@@ -134,7 +134,9 @@ def claim(family: str, seed: int) -> Claim:
         return Claim(family, seed, 0, 0, 0.0, 0.0, 0.0, 0.0, str(error))
     starts = start_distribution(decisions, learned.mdp.n_states)
     draws = dynamics_of_draws("the model", outcome.model, learned)
-    plan = plan_of(learned, outcome.fit, draws, _TIMEOUT_S)
+    pace = np.array(outcome.model.pace or np.ones(learned.mdp.n_states))
+    paced = semi_markov_problem(learned, log_pace=np.log(pace))
+    plan = plan_of(paced, outcome.fit, draws, _TIMEOUT_S)
     law, n_steps = plan.law_from(starts), steps_within(_TIMEOUT_S, STEP_S)
     arrival = timed_arrival(true, plan.policy.probabilities, truth, STEP_S, n_steps)
     cdf = arrival.cdf @ starts
