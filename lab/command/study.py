@@ -98,6 +98,7 @@ def people(
     generate: Annotated[
         bool, typer.Option("--generate", help="write the tables first, by their names")
     ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="of --generate")] = 1,
     jobs: Jobs = EXECUTION.n_jobs,
 ) -> None:
     """Pedestrians of measured corridors as experts: their next moves and times of arrival.
@@ -108,7 +109,7 @@ def people(
     Finished parts are not repeated: rerun an interrupted command to resume it.
     """
     for each in files if generate else ():
-        write_corridor(each.stem, each.parent)
+        write_corridor(each.stem, each.parent, seed=seed)
     folder = _folder("people", output, quick=quick)
     columns = load_yaml_model(mapping, TableColumns) if mapping is not None else None
     settings = people_settings(files, mapping=columns, area=area, quick=quick, config=config)

@@ -24,7 +24,7 @@ from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.grid.grid import Grid
 from serd_core.grid.navigation import NavigationProblem
 from serd_core.semi_markov.dwell_likelihood import dwell_times
-from serd_core.semi_markov.models import semi_markov_problem
+from serd_core.semi_markov.models import require_timed, semi_markov_problem
 from serd_files.model_file import Check
 from serd_sim.drivers.strategy import STEP_S, Plan
 
@@ -112,16 +112,20 @@ def check_dwell_times(
     if found is None:
         return Check(key=key, mark="unknown", sentence="no dwell time of a move is known")
     forecast_s = _mean_s(plan, plan.problem, starts)
+    model = require_timed(plan.problem.mdp.transitions)
+    by_action = model.log_pace[model.model_of]  # 0 for actions of a given duration
+    slower, quicker = by_action.max(axis=1), by_action.min(axis=1)
+    learned = np.where(slower > 0.0, slower, quicker)
 
-    def ratio(known: FloatArray | float, unknown: float) -> float:
+    def ratio(known: FloatArray, unknown: FloatArray | float) -> float:
         """By which it changes with log paces of cells with moves and others; 1 where it is not
         finite, which other checks are of."""
-        pace = np.full(plan.problem.mdp.n_states, unknown)
+        pace = np.broadcast_to(unknown, learned.shape).copy()
         pace[found.cells] = known
         changed_s = _mean_s(plan, semi_markov_problem(plan.problem, log_pace=pace), starts)
         return changed_s / forecast_s if np.isfinite([changed_s, forecast_s]).all() else 1.0
 
-    if_twice = ratio(0.0, np.log(2.0))
+    if_twice = ratio(learned[found.cells], learned + np.log(2.0))
     fails = if_twice > MOST_UNKNOWN
     by_place = (
         f"by place moves take {found.factors.min():.2f} to {found.factors.max():.2f} times as long"

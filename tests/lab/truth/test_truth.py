@@ -95,7 +95,7 @@ def test_a_single_drive_of_a_foreign_robot_is_no_claim(tmp_path):
 
 
 def test_a_claim_of_a_world_has_its_truth_beside_it():
-    found = claim("five drives", 0)
+    found = claim("ring", 0)
     assert found.family in FAMILIES
     assert found.share_true == pytest.approx(1.0, abs=0.05)
     assert 2.0 < found.half_true_s < 60.0

@@ -131,6 +131,15 @@ def test_a_forecast_through_cells_from_which_nothing_moved_is_not_supported(row,
     assert stated == pytest.approx(1.0 + max(7 - row, 0) / 8 * (twice_s / once_s - 1.0), abs=0.03)
 
 
+@pytest.mark.parametrize("pace", [1.0, -0.5])
+def test_learned_paces_of_places_are_in_both_times_that_are_compared(pace):
+    problem = semi_markov_problem(PROBLEM, log_pace=np.where(NORTH, pace, 0.0))
+    plan = Plan(problem=problem, learned=LEARNED, draws=TRUTH[None], timeout_s=120.0)
+    rng, drives = np.random.default_rng(0), slowed(demonstrations(30), NORTH, np.exp(pace))
+    check = check_dwell_times(plan, drives, np.arange(6), rng, level=LEVEL, margin=1.1)
+    assert "would take 1.00 times" in check.sentence
+
+
 @pytest.mark.parametrize(
     ("n", "n_early", "contradicts"),
     [(8, 8, True), (8, 0, True), (8, 7, False), (6, 6, True), (5, 5, False), (8, 4, False)],

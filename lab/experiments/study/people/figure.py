@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
 
 from lab.experiments.study.people.fold import CONSTANT_VELOCITY
 from lab.experiments.study.people.learners import LEARNERS
@@ -14,7 +13,6 @@ from serd_app.report import style
 from serd_app.report.style import new_figure
 
 METHODS = (*LEARNERS, CONSTANT_VELOCITY)
-_SCORES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
 def people_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
@@ -28,10 +26,7 @@ def people_figure(tables: Mapping[str, pd.DataFrame]) -> Figure:
         likelihood.set(xlabel="log-likelihood per decision held out")
         likelihood.set_title("(a) next cell", loc="left")
         _draw_folds(score, scores, "crps_s")
-        score.set(xlabel="CRPS of the time of arrival [s]", xscale="log")
-        score.xaxis.set_major_locator(FixedLocator(_SCORES_S))
-        score.xaxis.set_major_formatter("{x:g}")
-        score.xaxis.set_minor_locator(NullLocator())
+        score.set(xlabel="CRPS of the time of arrival [s]")
         score.set_title("(b) time of arrival", loc="left")
         _draw_coverage(coverage, tables["summary"].set_index("method"))
         likelihood.set_yticks(np.arange(len(METHODS)), METHODS)

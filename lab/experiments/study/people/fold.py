@@ -5,13 +5,14 @@ is compared with constant velocity: distance over speed so far, times what peopl
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from lab.experiments.running.tables import Row
 from lab.experiments.study.people.learners import LEARNERS, Prediction, Task
+from lab.experiments.study.people.paces import Paces
 from lab.experiments.study.people.people import Asked, People, evenly
 from lab.experiments.study.people.recordings import Run
 from lab.experiments.study.people.settings import FoldSettings
@@ -114,13 +115,18 @@ def run_fold(people: People, fold: Fold, number: int) -> dict[str, Any]:
     """moves: log-likelihoods by method; arrivals: a row per person and method; fits: records."""
     task, asked = task_of(people, fold.training), people.asked_of(fold.test)
     held_out = people.decisions_of(fold.test)
+    paces = Paces.of(task.problem.grid, task.decisions)
+    at_pace_one = paces.at_pace_one(
+        task.decisions, people.settings.patience_s, np.random.default_rng(number)
+    )
     place, moves, fits = {"fold": number}, list[Row](), list[Row]()
     arrivals = scored(CONSTANT_VELOCITY, asked, straight_laws(people, fold.training, asked))
     for method, learn in LEARNERS.items():
-        found = learn(task)
+        found = learn(replace(task, decisions=at_pace_one))
         row = {"method": method, "n_moves": len(held_out)}
         moves.append(place | row | {"log_likelihood": log_likelihood(found, held_out)})
-        arrivals += scored(method, asked, laws_of(task, found, asked))
+        laws = paces.own_laws(task.times_s, found.arrival, asked, people.seen)
+        arrivals += scored(method, asked, laws)
         fits.append(place | {"method": method, "n_decisions": len(task.decisions)} | found.record)
     return {"moves": moves, "arrivals": [place | row for row in arrivals], "fits": fits}
 
@@ -130,19 +136,6 @@ def log_likelihood(found: Prediction, decisions: TimedDecisions) -> float:
     seen = decisions.select(~decisions.censored)
     share = np.asarray(found.chain[seen.state, seen.next_state]).ravel()
     return float(np.log(np.maximum(share, FLOOR)).mean())
-
-
-def laws_of(task: Task, found: Prediction, asked: Sequence[Asked]) -> list[ArrivalLaw]:
-    """The forecasts asked for."""
-    by_state = found.arrival
-    return [
-        ArrivalLaw(
-            task.times_s,
-            by_state.cdf[:, one.state],
-            float(by_state.arrival_probability[one.state]),
-        )
-        for one in asked
-    ]
 
 
 def scored(method: str, asked: Sequence[Asked], laws: Sequence[ArrivalLaw]) -> list[Row]:

@@ -11,12 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse
-from scipy.stats import norm
 
 from lab.experiments.study.people.place import Place
 from serd_app.learning.recipe import dynamics_of, with_moves_as_actions
 from serd_core.arrays import FloatArray, IntArray
-from serd_core.arrival.arriving_policy import least_time_policy
 from serd_core.arrival.chain import (
     ArrivalByState,
     RenewalChain,
@@ -26,20 +24,15 @@ from serd_core.arrival.chain import (
 )
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import TimedDecisions
-from serd_core.grid.grid import Action, Outcome
-from serd_core.grid.navigation import INTENDED_OUTCOMES, NavigationProblem
+from serd_core.grid.grid import Action
+from serd_core.grid.navigation import NavigationProblem
 from serd_core.learners.fit_result import FitResult
 from serd_core.learners.mdce_irl import fit_mdce_irl_by_likelihood
 from serd_core.learners.serd import fit_mdce_serd
 from serd_core.policies.solved_policy import soft_policy
-from serd_core.semi_markov.dwell_likelihood import MEDIAN_SHAPE, WIDE
 from serd_core.semi_markov.models import require_timed, semi_markov_problem
-from serd_files.model_file import LearnedDynamics
 
-#: Quantiles that stand for a distribution.
-_SHARES = (np.arange(25) + 0.5) / 25
-SERD, HIDDEN_ACTIONS, IRL = "SERD", "SERD, hidden actions", "IRL"
-ONE_LAW, COUNT, NOBODY = "SERD, one law", "counts", "no people"
+SERD, HIDDEN_ACTIONS, IRL, COUNT = "SERD", "SERD, hidden actions", "IRL", "counts"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,16 +52,6 @@ class Task:
         """The decisions with the cell that each led to as its action."""
         return with_moves_as_actions(self.problem.grid, self.decisions)
 
-    @property
-    def step_s(self) -> float:
-        """Of times_s."""
-        return float(self.times_s[1])
-
-    @property
-    def n_steps(self) -> int:
-        """Of times_s."""
-        return len(self.times_s) - 1
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -82,60 +65,45 @@ class Prediction:
     record: dict[str, object] = field(default_factory=dict)
 
 
-def _of_policy(
-    task: Task, problem: NavigationProblem, policy: FloatArray, theta: FloatArray
-) -> tuple[scipy.sparse.csr_array, ArrivalByState]:
-    outcomes = require_timed(problem.mdp.transitions).outcomes.local_probabilities(theta)
-    chain = policy_chain(problem.by_decisions.mdp, policy, outcomes)
-    return chain, timed_arrival(problem, policy, theta, task.step_s, task.n_steps)
-
-
 def _of_fit(
-    task: Task, fitted: NavigationProblem, fit: FitResult, dynamics: LearnedDynamics | None = None
+    task: Task, fitted: NavigationProblem, fit: FitResult, decisions: TimedDecisions
 ) -> Prediction:
-    """By the policy of the problem that was fitted; laws of dynamics, or those of the fit."""
-    learned = fit.parameters.truth
-    table = fitted.mdp.transitions.local_probabilities(learned)
+    """By the policy of the problem that was fitted, and laws of dwell times of the decisions."""
+    table = fitted.mdp.transitions.local_probabilities(fit.parameters.truth)
     policy = soft_policy(fitted, fit.reward_weights, table).probabilities
-    problem, theta, has_places = fitted, learned, False
-    if dynamics is not None:
-        problem = semi_markov_problem(task.problem, log_pace=dynamics.log_pace)
-        theta, has_places = dynamics.truth, bool(np.any(dynamics.log_pace))
+    dynamics = dynamics_of(task.problem, decisions, fit, None)[0]
+    problem, theta = semi_markov_problem(task.problem, log_pace=dynamics.log_pace), dynamics.truth
     model = require_timed(problem.mdp.transitions)
     record = {
         "converged": bool(fit.converged),
         "weights": dict(zip(fit.feature_names, fit.reward_weights.tolist(), strict=True)),
         "mean_s": np.exp(theta[model.means]).tolist(),
         "shape": np.exp(theta[model.shapes]).tolist(),
-        "places": has_places,
+        "places": bool(np.any(dynamics.log_pace)),
     }
-    return Prediction(*_of_policy(task, problem, policy, theta), record)
+    outcomes = model.outcomes.local_probabilities(theta)
+    chain = policy_chain(problem.by_decisions.mdp, policy, outcomes)
+    arrival = timed_arrival(problem, policy, theta, task.times_s[1], len(task.times_s) - 1)
+    return Prediction(chain, arrival, record)
 
 
 def serd(task: Task) -> Prediction:
     """Rewards, outcomes and laws together."""
     fit = fit_mdce_serd(task.problem, task.shown)
-    return _of_fit(task, task.problem, fit, dynamics_of(task.problem, task.shown, fit, None)[0])
+    return _of_fit(task, task.problem, fit, task.shown)
 
 
 def serd_of_hidden_actions(task: Task) -> Prediction:
     """Rewards and outcomes from cells alone, laws counted."""
     fitted = task.problem.by_decisions
     fit = fit_mdce_serd(fitted, task.decisions)
-    return _of_fit(task, fitted, fit, dynamics_of(task.problem, task.decisions, fit, None)[0])
+    return _of_fit(task, fitted, fit, task.decisions)
 
 
 def irl(task: Task) -> Prediction:
     """Rewards of highest posterior under dynamics that are counted first."""
     fit = fit_mdce_irl_by_likelihood(task.problem, task.shown, prior=PriorByEvidence())
-    return _of_fit(task, task.problem, fit, dynamics_of(task.problem, task.shown, fit, None)[0])
-
-
-def one_law(task: Task) -> Prediction:
-    """SERD where all moves share a law, and all places."""
-    law_of = np.minimum(require_timed(task.problem.mdp.transitions).law_of, 0)
-    problem = semi_markov_problem(task.problem, law_of=law_of)
-    return _of_fit(task, problem, fit_mdce_serd(problem, task.shown))
+    return _of_fit(task, task.problem, fit, task.shown)
 
 
 def counts(task: Task) -> Prediction:
@@ -146,7 +114,7 @@ def counts(task: Task) -> Prediction:
     """
     near, seen = task.problem.grid.neighbours, task.decisions.select(~task.decisions.censored)
     towards = np.argmax(near[seen.state] == seen.next_state[:, None], axis=1)
-    steps = np.maximum(np.rint(seen.dwell_s / task.step_s).astype(np.int64), 1)
+    steps = np.maximum(np.rint(seen.dwell_s / task.times_s[1]).astype(np.int64), 1)
     times = np.zeros((near.shape[1], steps.max() + 1))
     np.add.at(times, (towards, steps), 1.0)
     mass = times + times.sum(axis=0) / len(seen)
@@ -157,7 +125,7 @@ def counts(task: Task) -> Prediction:
         dwell=np.tile(np.arange(near.shape[1]), len(near)),
         goal=np.isin(np.arange(len(near)), task.problem.goal_states),
     )
-    arrival = renewal_arrival(chain, mass / mass.sum(axis=1, keepdims=True), task.n_steps)
+    arrival = renewal_arrival(chain, mass / mass.sum(axis=1, keepdims=True), len(task.times_s) - 1)
     return Prediction(chain.matrix().tocsr(), arrival)
 
 
@@ -174,27 +142,9 @@ def _counted_shares(task: Task, state: IntArray, towards: IntArray) -> FloatArra
     return np.asarray(share / share.sum(axis=1, keepdims=True))
 
 
-def nobody(task: Task) -> Prediction:
-    """Straight to the goal where nobody was seen: every move succeeds, laws are those of the prior.
-
-    The common mean of their laws is averaged over.
-    """
-    problem, model = task.problem, require_timed(task.problem.mdp.transitions)
-    outcomes = np.eye(len(Outcome))[INTENDED_OUTCOMES]
-    found = []
-    for mean_s in np.exp(WIDE * norm.ppf(_SHARES)):
-        theta = model.parameters_from(outcomes, mean_s=mean_s, shape=MEDIAN_SHAPE)
-        policy = least_time_policy(problem, outcomes, model.expected_seconds(theta))
-        found.append(_of_policy(task, problem, policy.probabilities, theta))
-    chains, arrivals = zip(*found, strict=True)
-    return Prediction(chains[0], ArrivalByState.average(arrivals))
-
-
 LEARNERS: Mapping[str, Callable[[Task], Prediction]] = {
     SERD: serd,
     HIDDEN_ACTIONS: serd_of_hidden_actions,
     IRL: irl,
-    ONE_LAW: one_law,
     COUNT: counts,
-    NOBODY: nobody,
 }

@@ -92,6 +92,12 @@ class People:
             found.append(Asked(person, int(every.state[here]), time_s, duration_s))
         return tuple(found)
 
+    @cached_property
+    def seen(self) -> TimedDecisions:
+        """The decisions of all people before their forecasts."""
+        until_s = np.array([one.time_s for one in self.asked])
+        return self.decisions.select(self.decisions.time_s < until_s[self.decisions.episode])
+
     def asked_of(self, mask: BoolArray) -> list[Asked]:
         """The forecasts of the people of a mask (P,)."""
         return [self.asked[i] for i in np.flatnonzero(mask)]

@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from lab.experiments.study.people.fold import CONSTANT_VELOCITY, folds_of
-from lab.experiments.study.people.learners import (
-    COUNT,
-    HIDDEN_ACTIONS,
-    IRL,
-    LEARNERS,
-    NOBODY,
-    ONE_LAW,
-    SERD,
-)
+from lab.experiments.study.people.learners import COUNT, HIDDEN_ACTIONS, IRL, LEARNERS, SERD
 from lab.experiments.study.people.people import People
 from lab.experiments.study.people.run import PeopleStudy, run_people, stages_of
 from lab.experiments.study.people.settings import people_settings
@@ -60,13 +52,11 @@ def test_the_study_runs_from_a_file_to_tables_and_resumes(tmp_path):
     methods = list(headline(tables)["method"])
     assert set(methods) == {*LEARNERS, CONSTANT_VELOCITY}
     summary = tables["summary"].set_index("method")
-    for method in (SERD, HIDDEN_ACTIONS, IRL, ONE_LAW, COUNT):
-        assert summary.loc[method, "crps_s"] < 0.5 * summary.loc[NOBODY, "crps_s"]
-        assert 0.3 < summary.loc[method, "coverage_90"] <= 1.0
-    for method in (SERD, IRL, ONE_LAW):
-        assert summary.loc[method, "log_likelihood"] > summary.loc[NOBODY, "log_likelihood"]
+    for method in (SERD, HIDDEN_ACTIONS, IRL, COUNT):
+        assert summary.loc[method, "coverage_90"] >= 0.9
+        assert summary.loc[method, "crps_s"] < 0.8
     # In a free corridor people keep their pace, which is what constant velocity assumes.
-    assert summary["crps_s"].idxmin() == CONSTANT_VELOCITY
+    assert summary.loc[COUNT, "crps_s"] < 1.5 * summary.loc[CONSTANT_VELOCITY, "crps_s"]
     assert np.isnan(summary.loc[CONSTANT_VELOCITY, "log_likelihood"])
     people = tables["recordings"]["people"].sum()
     assert tables["arrivals"].groupby("method")["walker"].nunique().eq(people).all()
