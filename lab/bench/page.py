@@ -20,7 +20,8 @@ COVERAGES = ("coverage of weights", "coverage of probabilities")
 MEASURED = (*SCORES, *COVERAGES, "weights without interval")
 #: Of a difference in pairs.
 LEVEL = 0.05
-INTRODUCTION = Path(__file__).parent / "introduction.md"
+#: Its text up to the first picture is written by hand, and stays.
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "bench.md"
 #: Of a task, its methods.
 Rows = Mapping[str, Mapping[str, Sequence[Row]]]
 
@@ -87,7 +88,7 @@ def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
     """
     table = table_of(rows)
     parts = [
-        [INTRODUCTION.read_text()],
+        [PAGE.read_text(encoding="utf-8").partition("\n![")[0]],
         [f"![every method on every task, means with intervals]({folder}bench.png)", ""],
         [f"All numbers, with intervals: [bench.csv]({folder}bench.csv).", ""],
         ["## What joint estimation adds", "", *_gains(table), ""],
@@ -100,8 +101,7 @@ def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
 
 
 def _lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    ruler = "|" + "---|" * len(heads)
-    return [f"| {' | '.join(heads)} |", ruler, *(f"| {' | '.join(row)} |" for row in rows)]
+    return [" | ".join(heads), "|".join(["---"] * len(heads)), *map(" | ".join, rows)]
 
 
 def _gains(table: pd.DataFrame) -> list[str]:
