@@ -91,7 +91,7 @@ class Looked:
             return ()
         path = shlex.quote(str(self.path))
         if self.mapping is None:
-            return (f"serd demos {path}",)
+            return (f"serd demos {path}" + ("" if is_table(self.path) else " --cell-size-m 1"),)
         return (f"serd bag suggest {path}", f"serd demos {path} --mapping mapping.yaml")
 
 

@@ -248,9 +248,8 @@ def _show(page: Page, file: TextIO) -> None:
     heads = list(zip_longest(*(column.split("\n") for column in page.columns), fillvalue=""))
     rows = [tuple(map(printable, row)) for row in page.rows]
     widths = [max(map(len, column)) for column in zip(*heads, *rows, strict=True)]
-    ruler = tuple("-" * width for width in widths)
     print(page.heading, file=file)
-    for line in (*heads, ruler, *rows):
+    for line in (*heads, tuple("-" * width for width in widths), *rows):
         cells = (
             text.ljust(width) if column in page.texts else text.rjust(width)
             for column, (text, width) in enumerate(zip(line, widths, strict=True))

@@ -124,8 +124,7 @@ def lost_in_words(found: Certificate | TopicSaved) -> str:
 
 def time_in_words(topic: TopicSaved) -> str:
     """The seconds that the messages lost of a topic may have taken."""
-    seconds = topic.most_seconds_lost
-    return "to the end" if seconds is None else f"{seconds:.2f}"
+    return "to the end" if (most := topic.most_seconds_lost) is None else f"{most:.2f}"
 
 
 def _file_bar(file: FileBytes) -> str:
