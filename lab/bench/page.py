@@ -135,14 +135,14 @@ def _by_method(table: pd.DataFrame) -> list[str]:
 
 
 def _refusals(rows: Rows) -> Iterator[str]:
-    """Which tasks a method does not state, by what it states only."""
+    """Which tasks methods do not state, by what they state only."""
     tasks = dict[tuple[str, str], list[str]]()
     for task, by_method in rows.items():
         for method, every in by_method.items():
             for reason in {row["refused"]: None for row in every if "refused" in row}:
-                tasks.setdefault((method, reason), []).append(task)
-    for (method, reason), without in tasks.items():
-        yield f"- {METHODS[method].title} leaves out {', '.join(without)}: it states {reason} only."
+                tasks.setdefault((task, reason), []).append(METHODS[method].title)
+    for (task, reason), titles in tasks.items():
+        yield f"- Not run on {task}: {'; '.join(titles)}, which can state {reason} only."
 
 
 def _failures(rows: Rows) -> Iterator[str]:
