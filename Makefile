@@ -78,6 +78,7 @@ format: $(VENV)/.all
 
 lint: $(VENV)/.all
 	@$(BIN)/ruff check .
+	@$(BIN)/hadolint $$(git ls-files '*Dockerfile*' '*Containerfile*')
 
 # The types of NumPy 2.2, the newest for Python 3.10, are incomplete.
 types: $(VENV)/.all

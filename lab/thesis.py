@@ -147,24 +147,24 @@ def filled(page: str, documents: Path) -> str:
 def rows_of(page: str) -> list[list[str]]:
     """Cells of the page's rows: item, what it shows, command, number here, difference."""
     lines = page.splitlines()
-    first = next(number for number, line in enumerate(lines) if line.startswith("| --- "))
-    return [_cells(line) for line in lines[first + 1 :] if line.startswith("| ")]
+    first = next(number for number, line in enumerate(lines) if line.startswith("---|"))
+    return [_cells(line) for line in lines[first + 1 :] if " | " in line]
 
 
 def _cells(line: str) -> list[str]:
-    return line.strip().removeprefix("| ").removesuffix(" |").split(" | ")
+    return line.strip().split(" | ")
 
 
 def _with_number(line: str, documents: Path) -> str:
     item, *others = _cells(line)
-    if not line.startswith("| ") or item not in NUMBERS:
+    if item not in NUMBERS:
         return line
     name, number_of = NUMBERS[item]
     table, link = _table(name, documents)
     number = f"{number_of(table)} ([{name}]({link}))"
     number = number.replace("-0.", "−0.").replace("-1.", "−1.").replace(" -", " −")
     shows, command, _, differs = others
-    return f"| {' | '.join([item, shows, command, number, differs])} |\n"
+    return f"{' | '.join([item, shows, command, number, differs])}\n"
 
 
 def _table(name: str, documents: Path) -> tuple[pd.DataFrame, str]:
@@ -174,6 +174,5 @@ def _table(name: str, documents: Path) -> tuple[pd.DataFrame, str]:
         return pd.read_csv(file), f"results/{file.name}"
     block = read_text(documents.parent / HALLWAY_PAGE.name)
     block = block.partition(f"<!-- table {name} -->")[2].partition("<!-- end -->")[0]
-    lines = [line for line in block.splitlines() if line.startswith("| ")][1:]
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    rows = [_cells(line) for line in block.splitlines() if " | " in line][1:]
     return pd.DataFrame(rows), HALLWAY_PAGE.name

@@ -1,6 +1,7 @@
 """Command options made from settings, shared options, and checks of paths."""
 
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping
 from itertools import count
 from os.path import lexists
@@ -119,12 +120,13 @@ def add_command(
     """
     parameters = inspect.signature(function).parameters.values()
     needed = {each.name for each in parameters if each.default is each.empty} - {"context"}
-    text = about or inspect.getdoc(function) or ""
+    # Typer keeps line breaks, which only examples need.
+    text = re.sub(r"(?<=\S)\n(?=\S)(?!serd )", " ", about or inspect.getdoc(function) or "")
     group.command(
         name,
         cls=_command_class(function),
         help=text,
-        short_help=text.partition("\n\n")[0].replace("\n", " "),
+        short_help=text.partition("\n\n")[0],
         no_args_is_help=bool(needed),
         context_settings=settings,
     )(function)

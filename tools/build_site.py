@@ -88,6 +88,11 @@ def linked_files(pages: Mapping[str, str]) -> set[Path]:
     return {path for path in links if (ROOT / path).is_file() and str(path) not in pages}
 
 
+def on_config(config: Any) -> None:
+    """MkDocs calls this: each page has the version that it documents at its foot."""
+    config.copyright = f"SERD {__version__}"
+
+
 if __name__ == "__main__":
     os.environ["COLUMNS"] = "100"
     shutil.rmtree(SOURCE, ignore_errors=True)
@@ -100,5 +105,3 @@ if __name__ == "__main__":
         (SOURCE / name).parent.mkdir(parents=True, exist_ok=True)
         (SOURCE / name).write_text(text, encoding="utf-8")
     shutil.copytree(THEME, SOURCE, dirs_exist_ok=True)
-    front = (THEME / "index.md").read_text(encoding="utf-8")
-    (SOURCE / "index.md").write_text(front.replace("VERSION", __version__), encoding="utf-8")

@@ -50,7 +50,7 @@ def nodes_yaml(parameters: Parameters) -> str:
 
 
 def nodes_page(parameters: Parameters) -> str:
-    """Below the present head for each node its endpoints and its parameters with their defaults."""
+    """Below the present head the endpoints of each node, and what may change while it runs."""
     page = NODES_PAGE.read_text(encoding="utf-8").partition("\n## ")[0]
     for node, settings in parameters.items():
         page += f"\n## {node}\n\n"
@@ -58,13 +58,8 @@ def nodes_page(parameters: Parameters) -> str:
             if names:
                 shown = ", ".join(f"`{name}`" for name in names)
                 page += f"- {kind.replace('_', ' ')}: {shown}\n"
-        for kind, is_live in (("parameters", False), ("may change while it runs", True)):
-            names = [
-                f"`{each.name}:={plain(value)}`"
-                for each, value in settings
-                if bool(each.live) == is_live
-            ]
-            page += f"- {kind}: {', '.join(names)}\n" if names else ""
+        names = ", ".join(f"`{setting.name}`" for setting, _ in settings if setting.live)
+        page += f"- may change while it runs: {names}\n" if names else ""
     return page
 
 

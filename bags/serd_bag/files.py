@@ -17,7 +17,7 @@ def read_text(path: str | Path) -> str:
     except UnicodeDecodeError as error:
         raise FileError(
             f"{path}: must be UTF-8 text, got byte {error.object[error.start]:#04x}"
-            f" at offset {error.start}; save it as UTF-8"
+            f" at offset {error.start}; give a text file in UTF-8"
         ) from None
 
 

@@ -20,7 +20,8 @@ COVERAGES = ("coverage of weights", "coverage of probabilities")
 MEASURED = (*SCORES, *COVERAGES, "weights without interval")
 #: Of a difference in pairs.
 LEVEL = 0.05
-INTRODUCTION = Path(__file__).parent / "introduction.md"
+#: Its text up to the first picture is written by hand, and stays.
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "bench.md"
 #: Of a task, its methods.
 Rows = Mapping[str, Mapping[str, Sequence[Row]]]
 
@@ -87,7 +88,7 @@ def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
     """
     table = table_of(rows)
     parts = [
-        [INTRODUCTION.read_text()],
+        [PAGE.read_text(encoding="utf-8").partition("\n![")[0]],
         [f"![every method on every task, means with intervals]({folder}bench.png)", ""],
         [f"All numbers, with intervals: [bench.csv]({folder}bench.csv).", ""],
         ["## What joint estimation adds", "", *_gains(table), ""],
@@ -100,8 +101,7 @@ def page(rows: Rows, absent: Mapping[str, str], folder: str) -> str:
 
 
 def _lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    ruler = "|" + "---|" * len(heads)
-    return [f"| {' | '.join(heads)} |", ruler, *(f"| {' | '.join(row)} |" for row in rows)]
+    return [" | ".join(heads), "|".join(["---"] * len(heads)), *map(" | ".join, rows)]
 
 
 def _gains(table: pd.DataFrame) -> list[str]:
@@ -135,14 +135,14 @@ def _by_method(table: pd.DataFrame) -> list[str]:
 
 
 def _refusals(rows: Rows) -> Iterator[str]:
-    """Which tasks a method does not state, by what it states only."""
+    """Which tasks methods do not state, by what they state only."""
     tasks = dict[tuple[str, str], list[str]]()
     for task, by_method in rows.items():
         for method, every in by_method.items():
             for reason in {row["refused"]: None for row in every if "refused" in row}:
-                tasks.setdefault((method, reason), []).append(task)
-    for (method, reason), without in tasks.items():
-        yield f"- {METHODS[method].title} leaves out {', '.join(without)}: it states {reason} only."
+                tasks.setdefault((task, reason), []).append(METHODS[method].title)
+    for (task, reason), titles in tasks.items():
+        yield f"- Not run on {task}: {'; '.join(titles)}, which can state {reason} only."
 
 
 def _failures(rows: Rows) -> Iterator[str]:

@@ -95,7 +95,7 @@ class Looked:
         if self.mapping_file is not None:
             return (f"serd demos {path} --mapping {shlex.quote(str(self.mapping_file))}",)
         if self.mapping is None:
-            return (f"serd demos {path}",)
+            return (f"serd demos {path}" + ("" if is_table(self.path) else " --cell-size-m 1"),)
         return (f"serd bag suggest {path}", f"serd demos {path} --mapping mapping.yaml")
 
 

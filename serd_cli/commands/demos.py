@@ -1,31 +1,30 @@
 """serd demos BAG --scenario hallway --output decisions.csv
 
-Beside it are written decisions.grid.yaml, whose cells are the states,
-and decisions.png, the tracks on it. All that is dropped is counted.
+Beside it are written decisions.grid.yaml, whose cells are the states, and decisions.png, the
+tracks on it. All that is dropped is counted.
 
 An episode that several bags hold counts once.
 
-Where people were recorded, decisions.flow.csv and .flow.png show which
-way they walk in each cell. 'serd learn decisions.csv' learns from it.
+Where people were recorded, decisions.flow.csv and .flow.png show which way they walk in each
+cell. 'serd learn decisions.csv' learns from it.
 
-A decision ends where the robot enters another cell, where another command
-has been given for 0.3 s, or after the patience of the scenario.
+A decision ends where the robot enters another cell, where another command has been given for 0.3
+s, or after the patience of the scenario.
 
-A place without a scenario gets a grid of cells each of which the robot
-crosses in about a second; --cell-size-m sets others, --area what is
-walkable.
+A place without a scenario gets a grid of cells each of which the robot crosses in about a second;
+--cell-size-m sets others, --area what is walkable.
 
-A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes.
-Of a bag of poses alone the actions are hidden, and 'serd learn' learns from
-the states. docs/mapping_keys.yaml lists all keys of a mapping.
+A bag of another robot needs a mapping, which 'serd bag suggest BAG' writes. Of a bag of poses
+alone the actions are hidden, and 'serd learn' learns from the states. docs/mapping_keys.yaml
+lists all keys of a mapping.
 
-Without marks of episodes a lap ends in the goal area of the scenario, at
-a stop or where it turns; the way back from the goal is left out.
+Without marks of episodes a lap ends in the goal area of the scenario, at a stop or where it
+turns; the way back from the goal is left out.
 
-A table (CSV with named columns, text of TUM, ETH/UCY and PeTrack) has time,
-x and y, and for several agents their id: each is a demonstration, and all
-of them are the people; actions are hidden. Where one of them is named
-robot, it alone demonstrates. The key experts of a mapping names others.
+A table (CSV with named columns, text of TUM, ETH/UCY and PeTrack) has time, x and y, and for
+several agents their id: each is a demonstration, and all of them are the people; actions are
+hidden. Where one of them is named robot, it alone demonstrates. The key experts of a mapping
+names others.
 """
 
 import shlex

@@ -1,17 +1,15 @@
 """serd learn decisions.csv --output model.yaml
 
 What 'serd demos' wrote beside the table must still be there.
-model.grid.yaml and model.learning.csv are written beside the model; with
-a prior by evidence also model.posterior.csv, model.weights.csv and
-model.durations.csv, and the information that a demonstration from each
-cell is expected to add: model.next_demonstration.csv and .png.
 
-Rewards, outcomes and how long moves take: mdce_serd_evidence (the expert
-knows the dynamics; prior by evidence, predictions averaged over the
-posterior). Rewards and outcomes,
-with durations that are counted: mdce_serd (divergence prior, its weight
-by validation), its variants _coupled and _free (the expert's belief
-differs). Rewards under counted dynamics: mdce_irl.
+Beside the model are written model.grid.yaml and model.learning.csv; with a prior by evidence also
+model.posterior.csv, model.weights.csv, model.durations.csv, and model.next_demonstration.csv and
+.png: the information that a demonstration from each cell is expected to add.
+
+mdce_serd_evidence learns rewards, outcomes and how long moves take (the expert knows the
+dynamics; prior by evidence, predictions averaged over the posterior). mdce_serd learns rewards
+and outcomes, and counts durations (divergence prior, its weight by validation); in its variants
+_coupled and _free the expert's belief differs. mdce_irl learns rewards under counted dynamics.
 """
 
 from pathlib import Path

@@ -1,14 +1,13 @@
 """serd look BAG
 serd look TABLE --output page
 
-The page needs no model: a map from the recording's own scans or its
-occupancy grid, where the robot drove and how fast, with a time line, which
-drives were found and why they end, command against motion, what the robot
-does when it is told to go forward, people, and the quality of the recording.
-The first sentence states what is missing before a model can claim anything.
+The page needs no model: a map from the recording's own scans or its occupancy grid, where the
+robot drove and how fast, with a time line, which drives were found and why they end, command
+against motion, what the robot does when it is told to go forward, people, and the quality of the
+recording. The first sentence states what is missing before a model can claim anything.
 
-A bag of another robot gets the mapping that 'serd bag suggest' finds;
---mapping names another one.
+A bag of another robot gets the mapping that 'serd bag suggest' finds; --mapping names another
+one.
 """
 
 from dataclasses import asdict

@@ -22,6 +22,7 @@ def test_each_command_and_each_of_its_options_has_its_line(tool):
     for name, about in COMMANDS.items():
         assert f"* `{name}`: {about}\n" in page
         assert f"## `serd {name}`\n" in page
+    assert not re.search(r"[a-z,;]\n(?!serd )[a-z]", page), "a line of prose is broken"
     assert "* `suggest`: Write a mapping file for 'serd demos' from the topics of a bag" in page
     assert "### `serd bag suggest`\n" in page
     assert "* `--cell-size-m <float>`: " in page
@@ -37,8 +38,7 @@ def test_public_names_of_the_library_and_modules_of_recordings_are_on_a_page(too
     assert {name for name in dir(serd_core) if not name.startswith("_")} <= named
     linked = "[scan](python/serd_bag.formats.mcap.md#serd_bag.formats.mcap.scan)"
     assert linked in pages["reference/python.md"]
-    index = (ROOT / "mkdocs.yml").read_text()
-    assert "reference/commands.md" in index
+    assert "reference/commands.md" in (ROOT / "mkdocs.yml").read_text()
 
 
 def test_the_gallery_has_each_picture_once_and_prefers_its_own_page_to_the_readme(tool):

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from selenium.webdriver.common.by import By
 
+from serd_core import __version__
 from support.browser import (
     DEVICES,
     SCHEMES,
@@ -65,6 +66,17 @@ def test_the_search_finds_pages_without_a_network():
         page = (SITE / "docs" / "how_to" / "recordings.html").as_uri()
         wait_until(lambda: any(link.startswith(page) for link in links_found(browser)))
         assert asked_for(browser) == []
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_a_page_in_dark_mode_is_printed_light_and_names_its_version():
+    with chromium(width=800, height=900, scheme="dark") as tab:
+        tab.get((SITE / "docs" / "runtime.html").as_uri())
+        tab.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+        wait_until(lambda: tab.find_elements(By.CSS_SELECTOR, "body[data-md-color-scheme=default]"))
+        assert sideways_px(tab) == 0
+        assert f"SERD {__version__}" in tab.find_element(By.CLASS_NAME, "md-copyright").text
 
 
 def links_found(browser):

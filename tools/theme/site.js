@@ -16,3 +16,11 @@ complete();
 addEventListener("load", complete);
 addEventListener("resize", complete);
 new MutationObserver(complete).observe(document.body, { childList: true, subtree: true });
+
+// Paper is light.
+let scheme;
+matchMedia("print").addEventListener("change", ({ matches }) => {
+  const { dataset } = document.body;
+  if (matches) scheme = dataset.mdColorScheme;
+  dataset.mdColorScheme = matches ? "default" : scheme;
+});

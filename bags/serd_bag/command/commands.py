@@ -248,9 +248,8 @@ def _show(page: Page, file: TextIO) -> None:
     heads = list(zip_longest(*(column.split("\n") for column in page.columns), fillvalue=""))
     rows = [tuple(map(printable, row)) for row in page.rows]
     widths = [max(map(len, column)) for column in zip(*heads, *rows, strict=True)]
-    ruler = tuple("-" * width for width in widths)
     print(page.heading, file=file)
-    for line in (*heads, ruler, *rows):
+    for line in (*heads, tuple("-" * width for width in widths), *rows):
         cells = (
             text.ljust(width) if column in page.texts else text.rjust(width)
             for column, (text, width) in enumerate(zip(line, widths, strict=True))
@@ -287,10 +286,7 @@ def _contents_page(found: "BagContents") -> Page:
 
 def _check_page(found: "BagCheck") -> Page:
     """A row per topic: rates, gaps and the two clocks; then faults, remarks and a verdict."""
-    columns = (
-        *("topic", "messages", "mean\nHz"),
-        *("longest\ngap [s]", "gaps", "log time -\nstamp [s]"),
-    )
+    columns = ("topic", "messages", "mean\nHz", "longest\ngap [s]", "gaps", "log time -\nstamp [s]")
     rows = [
         (
             *(topic.name, str(topic.n_messages), _rate(topic.mean_hz)),
@@ -300,10 +296,8 @@ def _check_page(found: "BagCheck") -> Page:
     ]
     lines = [f"fault: {fault}" for fault in found.faults]
     lines += [f"note: {remark}" for remark in found.remarks]
-    if found.sound:
-        lines.append(f"sound: {found.path}")
-    else:
-        lines.append(f"not sound: {found.path} ({counted(len(found.faults), 'fault')})")
+    verdict = "" if found.sound else f" ({counted(len(found.faults), 'fault')})"
+    lines.append(f"{'not ' if verdict else ''}sound: {found.path}{verdict}")
     values = _values(found, "sound", "n_messages")
     code = COMPLETE if found.sound else INCOMPLETE
     return Page(_heading(found), columns, rows, values, code, lines=lines)
@@ -323,13 +317,13 @@ def _rewrite_page(report: "RewriteReport") -> Page:
 
 def _rescue_page(found: "Certificate") -> Page:
     """A row per topic with bounds of what was lost; then damage, bytes and the total."""
-    from serd_bag.rescue.certificate import lost_in_words
+    from serd_bag.rescue.certificate import lost_in_words, time_in_words
 
-    columns = ("topic", "saved", "doubtful", "lost", "longest\nloss [s]")
+    columns = ("topic", "saved", "doubtful", "lost", "at most\n[s]")
     rows = [
         (
             *(topic.name, str(topic.n_saved), str(topic.n_doubtful)),
-            *(lost_in_words(topic), f"{topic.most_seconds_lost:.2f}"),
+            *(lost_in_words(topic), time_in_words(topic)),
         )
         for topic in found.topics
     ]
@@ -339,15 +333,15 @@ def _rescue_page(found: "Certificate") -> Page:
         parts = [f"{count} bytes {state}" for state, count in n_bytes.items() if count]
         if parts:
             lines.append(f"{file.path}: {', '.join(parts)}")
-    lost = f"messages lost: {lost_in_words(found)}"
-    lines.append(lost)
+    lines.append(f"messages lost: {lost_in_words(found)}")
     code = COMPLETE if found.is_complete else INCOMPLETE
+    is_foreign = any(file.n_bytes("not ours") for file in found.files)
     return Page(
         f"{found.source} -> {found.target}: {counted(found.n_messages, 'message')} saved",
         columns,
         rows,
         found.values(),
-        BAD_INPUT if found.damage and not found.n_messages and code else code,
+        BAD_INPUT if not found.n_messages and (is_foreign or (found.damage and code)) else code,
         lines=lines,
     )
 

@@ -2,6 +2,7 @@
 
 import html
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -33,7 +34,8 @@ class TopicSaved:
     n_doubtful: of n_saved, those of damaged parts, for which no checksum vouches; doubtful: first
     and last of each run of them, counted from 0 within the topic. least_lost, most_lost: messages,
     the latter None where nothing states how many there were; most_seconds_lost: time between saved
-    messages on both sides of all damage; per_second: saved messages by whole second of log time.
+    messages on both sides of all damage, None where the end of the recording is lost; per_second:
+    saved messages by whole second of log time.
     """
 
     name: str
@@ -42,7 +44,7 @@ class TopicSaved:
     doubtful: tuple[tuple[int, int], ...]
     least_lost: int
     most_lost: int | None
-    most_seconds_lost: float
+    most_seconds_lost: float | None
     per_second: dict[int, int]
 
 
@@ -82,11 +84,8 @@ class Certificate:
 
     def values(self) -> dict[str, Any]:
         """Everything as plain values."""
-        return asdict(self) | {
-            "n_messages": self.n_messages,
-            "n_doubtful": self.n_doubtful,
-            "is_complete": self.is_complete,
-        }
+        names = ("n_messages", "n_doubtful", "is_complete")
+        return asdict(self) | {name: getattr(self, name) for name in names}
 
     def json(self) -> str:
         """Everything as JSON."""
@@ -123,6 +122,11 @@ def lost_in_words(found: Certificate | TopicSaved) -> str:
     return f"{found.least_lost} to {found.most_lost}"
 
 
+def time_in_words(topic: TopicSaved) -> str:
+    """The seconds that the messages lost of a topic may have taken."""
+    return "to the end" if (most := topic.most_seconds_lost) is None else f"{most:.2f}"
+
+
 def _file_bar(file: FileBytes) -> str:
     size = max(1, sum(span.end - span.start for span in file.spans))
     parts = "".join(
@@ -141,10 +145,9 @@ def _file_bar(file: FileBytes) -> str:
 def _topic_line(topic: TopicSaved, first: int, stop: int) -> str:
     """Where the topic has messages, in bins of at least a second."""
     width = max(1, -(-(stop - first) // _N_BINS))
-    counts: dict[int, int] = {}
+    counts = Counter[int]()
     for second, count in topic.per_second.items():
-        number = (second - first) // width
-        counts[number] = counts.get(number, 0) + count
+        counts[(second - first) // width] += count
     most = max(counts.values(), default=1)
     parts = "".join(
         _rectangle(
@@ -157,7 +160,7 @@ def _topic_line(topic: TopicSaved, first: int, stop: int) -> str:
     )
     about = (
         f"{topic.n_saved} saved, {topic.n_doubtful} of them doubtful, lost: {lost_in_words(topic)},"
-        f" at most {topic.most_seconds_lost:.1f} s"
+        f" seconds at most: {time_in_words(topic)}"
     )
     return f"<tr><td>{html.escape(topic.name)}</td><td>{_bar(parts)}</td><td>{about}</td></tr>"
 

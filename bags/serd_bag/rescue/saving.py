@@ -24,14 +24,13 @@ _SECOND_NS = 1_000_000_000
 
 @dataclass
 class _Saved:
-    """What was saved of one topic."""
+    """What was saved of one topic; n_places: damaged places before its last message."""
 
     n: int = 0
     doubtful: list[int] = field(default_factory=list)
     per_second: Counter[int] = field(default_factory=Counter)
     seconds_lost: float = 0.0
     last_ns: int | None = None
-    #: damaged places before the last message
     n_places: int = 0
 
     def add(self, log_time_ns: int, n_places: int, *, is_doubtful: bool) -> None:
@@ -111,6 +110,7 @@ def _certificate(reader: BagReader, target: Path, saved: defaultdict[str, _Saved
     is_whole = not any(scan.is_cut or scan.marks for scan in scans) and not reader.layout.fault
     last_ns = max((each.last_ns or 0 for each in saved.values()), default=0)
     n_places = sum(len(scan.marks) for scan in scans)
+    is_open = all(n_places > each.n_places for each in saved.values())
     listed = reader.layout.messages_by_topic
     topics = []
     for name in sorted({*saved, *listed, *(each.topic for each in reader.channels)}):
@@ -127,7 +127,8 @@ def _certificate(reader: BagReader, target: Path, saved: defaultdict[str, _Saved
         topics.append(
             TopicSaved(
                 *(name, found.n, n_doubtful, runs(found.doubtful)),
-                *(least, most, seconds, dict(sorted(found.per_second.items()))),
+                *(least, most, 0.0 if most == 0 else None if is_open else seconds),
+                dict(sorted(found.per_second.items())),
             )
         )
     n_lost, is_known = reader.losses.n_messages, reader.losses.all_known or is_whole

@@ -38,7 +38,9 @@ class Selection:
     to_s: float = math.inf
 
     def names(self, available: Iterable[str]) -> frozenset[str]:
-        """The topics to take; BagError where an expression matches none."""
+        """The topics to take; BagError where an expression matches none, or no time is taken."""
+        if self.from_s >= self.to_s:
+            raise BagError(f"--from must be below --to, got {self.from_s:g} and {self.to_s:g}")
         names = list(available)
         try:
             wanted = [re.compile(each) for each in self.topics]

@@ -43,15 +43,16 @@ def test_a_cut_holds_the_messages_of_its_topics_and_times_as_they_are(small_bag,
 
 
 @pytest.mark.parametrize(
-    ("topics", "sentence"),
+    ("selection", "sentence"),
     [
-        (["("], r"topics must be regular expressions, got '\('"),
-        (["/odom"], "'/odom' must match a topic, the bag holds /intent, /robot_pose"),
+        (Selection(["("]), r"topics must be regular expressions, got '\('"),
+        (Selection(["/odom"]), "'/odom' must match a topic, the bag holds /intent, /robot_pose"),
+        (Selection(from_s=10.0, to_s=5.0), "--from must be below --to, got 10 and 5"),
     ],
 )
-def test_an_expression_that_matches_nothing_is_refused(small_bag, tmp_path, topics, sentence):
+def test_a_selection_that_takes_nothing_is_refused(small_bag, tmp_path, selection, sentence):
     with pytest.raises(BagError, match=sentence):
-        cut([small_bag()], tmp_path / "new", Selection(topics=topics))
+        cut([small_bag()], tmp_path / "new", selection)
     assert not (tmp_path / "new").exists()
 
 

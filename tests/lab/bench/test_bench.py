@@ -195,7 +195,7 @@ def test_the_command_writes_table_and_page_and_goes_on_where_it_stopped(lab, tmp
     assert all(float(row["log-likelihood"]) > -0.2 for row in ours)
     page = (folder / "bench.md").read_text()
     first = page.partition("## What joint estimation adds")[2].partition("## ")[0]
-    assert "| hazard, 25 | " in first
+    assert "\nhazard, 25 | " in first
     assert "- *rust* is not measured: --data must hold rust1987/a530875.asc" in page
     assert "- *jax_joint* is not measured: jax_joint must install (jax==" in page
     assert (folder / "bench.png").stat().st_size > 10_000

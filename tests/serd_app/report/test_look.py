@@ -140,10 +140,7 @@ def test_a_table_of_people_and_a_bag_without_poses_have_a_page(tmp_path):
     rows = [f"{a},{n / 10},{0.12 * n},{a}" for a in range(4) for n in range(60)]
     table.write_text("\n".join(["id,t,x,y", *rows]))
     found = look(table)
-    assert len(found.drives) == 4
-    assert (
-        found.enough == "4 drives of 7 m each without actions: only where it went can be learned."
-    )
+    assert found.enough.startswith("4 drives of 7 m each without actions: only where it went")
     assert "4 agents" in look_page(found)
     empty = tmp_path / "empty"
     with Writer(empty, version=9) as bag:
@@ -155,7 +152,9 @@ def test_a_table_of_people_and_a_bag_without_poses_have_a_page(tmp_path):
         look(tmp_path / "none")
 
 
-def test_the_command_writes_the_page_and_names_commands_that_work(bag, tmp_path, capsys):
+def test_the_command_writes_the_page_and_names_commands_that_work(bag, root, tmp_path, capsys):
     assert run_serd("look", bag, "--output", tmp_path / "page", "--json") == 0
     assert len(json.loads(capsys.readouterr().out)["drives"]) == 2
     assert (tmp_path / "page" / "look.html").read_text().startswith("<!DOCTYPE html>")
+    (command,) = look(root / "bags" / "data" / "hallway" / "test").next_commands()
+    assert run_serd(*command.split()[1:], "--output", tmp_path / "decisions.csv") == 0
