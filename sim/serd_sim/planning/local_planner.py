@@ -8,6 +8,7 @@ recoveries have not helped either. The robot keeps trying in every case.
 """
 
 import math
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
@@ -31,6 +32,8 @@ _AT_WAYPOINT_M, _AT_WAYPOINT_CELLS = 0.25, 0.25
 _ALIGNED_RAD, _TURNS_PER_RAD = 0.1, 2.0
 #: Where the space behind the robot is checked before and while it drives backward.
 _FREE_SPACE_BEHIND_M = 0.35
+#: A recovery may last as many times as long as at its own speed.
+_ALLOWED, _ROUNDING = 4.0, 1e-9
 
 
 class PlannerStatus(IntEnum):
@@ -56,19 +59,37 @@ class LocalPlanner(Protocol):
         """Command for the next control period; without a waypoint, stand still."""
 
 
-#: A command and how long (s) it lasts.
-Behaviour = tuple[Command, float]
+@dataclass(frozen=True)
+class Behaviour:
+    """A command, and how far it drives (m), or turns (rad), or how long (s) it waits."""
+
+    command: Command
+    extent: float
+
+    def done(self, before: Observation, now: Observation) -> float:
+        """How much of the extent the robot has done between two observations."""
+        if self.command.linear_mps:
+            return math.hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+        if self.command.angular_radps:
+            return abs(math.remainder(now.yaw_rad - before.yaw_rad, math.tau))
+        return now.time_s - before.time_s
+
+    @property
+    def longest_s(self) -> float:
+        """When it ends where the robot is slower than the command, as a guard may make it."""
+        rate = max(abs(self.command.linear_mps), abs(self.command.angular_radps))
+        return _ALLOWED * self.extent / rate if rate else self.extent
 
 
 def behaviours_of(settings: PlannerSettings, limits: RobotSettings) -> tuple[Behaviour, ...]:
     """The recoveries in their order, within the limits; a robot that must not reverse turns."""
     back_mps = min(settings.backup_speed, -limits.min_vel_x_mps)
     spin_radps = min(settings.max_rotational_vel, limits.max_vel_theta_radps)
-    spin = Command(0.0, spin_radps), settings.spin_dist / spin_radps
-    wait = STOP, settings.wait_duration
+    spin = Behaviour(Command(0.0, spin_radps), settings.spin_dist)
+    wait = Behaviour(STOP, settings.wait_duration)
     if back_mps <= 0.0:
         return spin, wait
-    return (Command(-back_mps, 0.0), settings.backup_dist / back_mps), spin, wait
+    return Behaviour(Command(-back_mps, 0.0), settings.backup_dist), spin, wait
 
 
 def make_planner(scenario: Scenario) -> "RecoveringPlanner":
@@ -149,9 +170,10 @@ class RecoveringPlanner:
     def _begin_anew(self) -> None:
         self.status = PlannerStatus.NONE
         self._place: tuple[float, float] | None = None
-        self._since_s = self._until_s = 0.0
+        self._since_s = self._until_s = self._done = 0.0
         self._next_behaviour = self._tries = 0
-        self._running: Command | None = None
+        self._running: Behaviour | None = None
+        self._seen: Observation | None = None
         self._blocked_since_s: float | None = None
 
     def _is_stuck(self, observation: Observation) -> bool:
@@ -165,19 +187,25 @@ class RecoveringPlanner:
         return observation.time_s - self._since_s > self._settings.movement_time_allowance
 
     def _running_command(self, observation: Observation) -> Command | None:
-        if self._running is None:
+        running = self._running
+        if running is None:
             return None
-        blocked = self._running.linear_mps < 0 and not self._is_free_behind(observation)
-        if blocked or observation.time_s >= self._until_s:
+        self._done += running.done(self._seen or observation, observation)
+        self._seen = observation
+        blocked = running.command.linear_mps < 0 and not self._is_free_behind(observation)
+        is_done = self._done >= running.extent - _ROUNDING
+        if blocked or is_done or observation.time_s >= self._until_s:
             self._running, self._since_s = None, observation.time_s
-        return self._running
+            return None
+        return running.command
 
     def _start_recovery(self, observation: Observation) -> Command | None:
         self._tries += 1
         self.n_recoveries += 1
-        self._running, duration_s = self._behaviours[self._next_behaviour]
+        self._running = self._behaviours[self._next_behaviour]
         self._next_behaviour = (self._next_behaviour + 1) % len(self._behaviours)
-        self._until_s = observation.time_s + duration_s
+        self._seen, self._done = observation, 0.0
+        self._until_s = observation.time_s + self._running.longest_s
         return self._running_command(observation)
 
     def _is_free_behind(self, observation: Observation) -> bool:
