@@ -32,6 +32,8 @@ _AT_WAYPOINT_M, _AT_WAYPOINT_CELLS = 0.25, 0.25
 _ALIGNED_RAD, _TURNS_PER_RAD = 0.1, 2.0
 #: Where the space behind the robot is checked before and while it drives backward.
 _FREE_SPACE_BEHIND_M = 0.35
+#: A robot that has nowhere to drive for no longer than this (s) may still be stuck.
+_LEFT_OUT_S = 2.0
 #: A recovery may last as many times as long as at its own speed.
 _ALLOWED, _ROUNDING = 4.0, 1e-9
 
@@ -153,9 +155,14 @@ class RecoveringPlanner:
     def _wanted(self, observation: Observation, waypoint: Waypoint | None) -> Command:
         aim = None if waypoint is None else self._sight.aim(observation, waypoint)
         command = self.planner.step(observation, aim)
-        if waypoint is None or self._is_at(observation, waypoint):
+        if waypoint is None:
+            if observation.time_s - self._wanted_s > _LEFT_OUT_S:
+                self._begin_anew()
+            return command
+        if self._is_at(observation, waypoint):
             self._begin_anew()
             return command
+        self._wanted_s = observation.time_s
         recovery = self._running_command(observation)
         if recovery is None and self._is_stuck(observation):
             recovery = self._start_recovery(observation)
@@ -171,6 +178,7 @@ class RecoveringPlanner:
         self.status = PlannerStatus.NONE
         self._place: tuple[float, float] | None = None
         self._since_s = self._until_s = self._done = 0.0
+        self._wanted_s: float = -math.inf
         self._next_behaviour = self._tries = 0
         self._running: Behaviour | None = None
         self._seen: Observation | None = None

@@ -327,7 +327,9 @@ def test_after_a_reset_or_an_arrival_everything_begins_anew(way):
     elif way == "arrival":
         assert planner.step(standing_at(70.0, y_m=9.9), AHEAD) == ON
     else:
-        assert planner.step(standing_at(70.0), None) == STOP
+        assert planner.step(standing_at(71.25), None) == STOP
+        assert planner.status != PlannerStatus.NONE, "a waypoint that is late by 2 s is the same"
+        assert planner.step(standing_at(71.5), None) == STOP
     assert planner.status == PlannerStatus.NONE
     assert drive(72.0) == first
 
