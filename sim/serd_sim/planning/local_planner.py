@@ -177,8 +177,7 @@ class RecoveringPlanner:
     def _begin_anew(self) -> None:
         self.status = PlannerStatus.NONE
         self._place: tuple[float, float] | None = None
-        self._since_s = self._until_s = self._done = 0.0
-        self._wanted_s: float = -math.inf
+        self._since_s = self._until_s = self._done = self._wanted_s = 0.0
         self._next_behaviour = self._tries = 0
         self._running: Behaviour | None = None
         self._seen: Observation | None = None
