@@ -105,6 +105,7 @@ class RecoveringPlanner:
     def __init__(self, planner: LocalPlanner, scenario: Scenario) -> None:
         self.planner = planner
         self.n_recoveries = 0
+        self._wanted_s = 0.0
         self._settings = scenario.local_planner
         self._robot, self._period_s = scenario.robot, scenario.control_period_s
         self._limits = self._settings.limited(scenario.robot)
@@ -177,7 +178,7 @@ class RecoveringPlanner:
     def _begin_anew(self) -> None:
         self.status = PlannerStatus.NONE
         self._place: tuple[float, float] | None = None
-        self._since_s = self._until_s = self._done = self._wanted_s = 0.0
+        self._since_s = self._until_s = self._done = 0.0
         self._next_behaviour = self._tries = 0
         self._running: Behaviour | None = None
         self._seen: Observation | None = None
