@@ -28,6 +28,8 @@ _Own = TypeVar("_Own", bound="Decisions")
 class Decisions:
     """What was demonstrated: N decisions, each a state, an action and the state it led to.
 
+        sc.Decisions([0, 0], [0.0, 1.0], state=[0, 1], action=[1, 1], next_state=[1, 2])
+
     episode: (N,) number of the episode, any non-negative integers.
     time_s: (N,) when the decision was taken, in seconds.
     state, action, next_state: (N,) indices of the problem they were made in; action is `HIDDEN`

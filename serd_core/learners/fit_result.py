@@ -67,26 +67,26 @@ class StandardErrors(Record):
 class FitResult:
     """Learned rewards and dynamics, and how the fit went.
 
+        fit = sc.fit_mdce_serd(problem, decisions)
+        print(fit.reward_weights, fit.outcome_probabilities, fit.converged, fit.message)
+
     parameters: all blocks at the end; outcomes that fixed dynamics rule out have energies so low
     that their probability is exactly 0.
     outcome_probabilities: (M, K) of the true dynamics; believed_outcome_probabilities: of the
     expert's belief; initial_outcome_probabilities: the start. (Of known transitions: their entries;
     `problem.mdp.transitions.laws(fit.parameters.truth)` has laws of dwell times.)
     temperature: theta_P; 1 where the policy model has none, as soft policies do.
-    objective: what the learner maximised, for SERD the log posterior J, else by its own docstring;
-    objective_trace: (n_steps,) the same after each step.
+    objective: what the learner maximised (SERD: the log posterior J); objective_trace: (n_steps,).
     policy_log_likelihood, dynamics_log_likelihood: of decisions with their action, the second with
     their dwell times where moves take time; hidden_log_likelihood: of those without.
     gradient_norm: largest entry of the gradient over the numbers that were free, for SERD per
     decision, for learners of rewards alone over weights times the range of their feature; at a
     kink that of the smallest mean of the gradients around (`KinkedAscent`).
-    newton_decrement: length of the Newton step at the end, in standard errors; NaN at kinks of a
-    likelihood, and where a file has none.
-    converged: at a maximum, and the only one around; otherwise the message names the direction that
-    is open. undetermined: directions along which the objective is constant, or where the fit has
-    converged only the prior of rewards is not.
+    newton_decrement: length of the Newton step at the end, in standard errors; NaN at kinks.
+    converged: at a maximum, and the only one around; else the message names the open direction.
+    undetermined: directions along which nothing but a prior of rewards bounds the objective.
     residual, error_bound: of the values V at the end, max |T V - V| for the Bellman operator T, and
-    a bound of the error of V; NaN where a file has none. assumptions: None where it has none.
+    a bound of the error of V. NaN, and None for assumptions, where a file has none.
     """
 
     feature_names: tuple[str, ...]
