@@ -42,6 +42,9 @@ _PIECE = 1024
 #: A compressed message begins with these bytes, an uncompressed CDR message with a zero.
 _COMPRESSED = zstandard.FRAME_HEADER
 _MAKE = tuple.__new__
+#: Name of the MCAP metadata record of a recorder that was paused, and its values: the log times of
+#: the last message before and of the first one after the pause.
+PAUSE, AFTER_NS, BEFORE_NS = "serd_bag_pause", "after_ns", "before_ns"
 
 
 class BagReader:
@@ -157,6 +160,16 @@ class BagReader:
         counts = sum((scan.counts for _, scan in self.scans), Counter())
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])
+
+    @property
+    def pauses_ns(self) -> list[tuple[int, int]]:
+        """Log times of the last message before each pause of the recorder, and of the first one
+        after it; complete once all messages were read."""
+        records = [each for _, scan in self.scans for each in scan.metadata()]
+        pairs = [
+            (v.get(AFTER_NS, ""), v.get(BEFORE_NS, "")) for name, v in records if name == PAUSE
+        ]
+        return [(int(one), int(two)) for one, two in pairs if f"{one}{two}".isdecimal()]
 
     @property
     def channels(self) -> list[Channel]:

@@ -15,6 +15,7 @@ from typing import Literal
 from serd_bag.errors import BagError, FileError
 from serd_bag.formats.rosbag2.qos import RELIABLE, QosProfile
 from serd_bag.messages.plain import diagnostic_array
+from serd_bag.reader import AFTER_NS, BEFORE_NS, PAUSE
 from serd_bag.writer import BagWriter
 
 _EPISODE = "episode"
@@ -53,12 +54,14 @@ class RecorderSettings:
 class RecorderStatus:
     """What a recorder has done.
 
-    recording: whether it still records; problem: why recording ended by itself, else empty; counts:
-    messages in the bag by topic; n_lost: messages since it ended, and of the last flush period
-    before; episodes_ended, outcomes: by the marks on the topic `episode`.
+    recording: whether it still records; paused: whether it leaves messages out until it is resumed;
+    problem: why recording ended by itself, else empty; counts: messages in the bag by topic;
+    n_lost: messages since it ended, and of the last flush period before; episodes_ended, outcomes:
+    by the marks on the topic `episode`.
     """
 
     recording: bool
+    paused: bool
     problem: str
     counts: dict[str, int]
     n_lost: int
@@ -106,6 +109,10 @@ class BagRecorder:
         )
         self.directory = self._writer.directory
         self._recording = True
+        self._paused = False
+        #: Log times of the last message, and of the last one before a pause that is not marked yet.
+        self._last_ns: int | None = None
+        self._paused_after_ns: int | None = None
         self._problem = ""
         self._n_lost = 0
         self._outcome_of: dict[str, str] = {}
@@ -121,23 +128,45 @@ class BagRecorder:
     def record(
         self, topic: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None
     ) -> bool:
-        """Store one message; returns False where it is lost because recording has ended.
+        """Store one message, or leave it out while paused; returns False where it is lost because
+        recording has ended.
 
         BagError for a topic that was not added or a time below 0.
         """
         if not self._recording:
             self._n_lost += 1
             return False
+        if self._paused:
+            return True
         try:
+            self._mark_pause(log_time_ns)
             self._writer.write(topic, data, log_time_ns, publish_time_ns)
         except FileError as error:
             if not self._writer.failed:
                 raise
             self._end(str(error))
             return False
+        self._last_ns = log_time_ns
         if topic.rsplit("/", 1)[-1] == _EPISODE:
             self._count_mark(data)
         return True
+
+    def pause(self) -> None:
+        """Leave out what comes until `resume`; a metadata record `PAUSE` will mark the gap."""
+        self._paused = True
+        if self._paused_after_ns is None:
+            self._paused_after_ns = self._last_ns
+
+    def resume(self) -> None:
+        """Record again."""
+        self._paused = False
+
+    def _mark_pause(self, before_ns: int) -> None:
+        """State where messages were left out, before the first message after a pause."""
+        if self._paused_after_ns is not None:
+            values = {AFTER_NS: str(self._paused_after_ns), BEFORE_NS: str(before_ns)}
+            self._writer.add_metadata(PAUSE, values)
+            self._paused_after_ns = None
 
     def poll(self) -> None:
         """Flush what is due and check the free space; call it about every 0.1 s of wall time."""
@@ -156,6 +185,7 @@ class BagRecorder:
         """The present status."""
         return RecorderStatus(
             recording=self._recording,
+            paused=self._recording and self._paused,
             problem=self._problem,
             counts=dict(self._writer.counts),
             n_lost=self._n_lost,

@@ -149,7 +149,11 @@ class BagWriter:
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Append a metadata record to the present file."""
-        self._file.add_metadata(name, values)
+        try:
+            self._file.add_metadata(name, values)
+        except BagError:
+            self.failed = True
+            raise
 
     def start_file(self, profile: str) -> None:
         """End the present file and begin the next one."""

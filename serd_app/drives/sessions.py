@@ -15,6 +15,7 @@ from serd_app.drives.drive import (
     EPISODE,
     INTENT,
     LONGEST_GAP_S,
+    NO_PAUSES,
     NOT_FINITE,
     POSE,
     EpisodeMark,
@@ -22,6 +23,7 @@ from serd_app.drives.drive import (
     actions_of_directions,
     finite_poses,
     marks_of,
+    silenced,
     source_of,
     spans_of_marks,
 )
@@ -45,20 +47,26 @@ class Session:
         self.marks: list[EpisodeMark] = []
         self.newest_pose_ns = self.newest_end_ns = 0
 
-    def drive(self) -> RecordedDrive:
-        """Everything so far; BagError where there are poses and none is finite."""
+    def drive(self, pauses_s: FloatArray = NO_PAUSES) -> RecordedDrive:
+        """Everything so far; BagError where there are poses and none is finite.
+
+        pauses_s: (P,) times at which the recorder was paused.
+        """
         rows = np.array(self.poses).reshape(-1, 3)
         finite = finite_poses(rows, self._source)
         pose = _unique(finite)
         intent = _unique(np.array(self.intents).reshape(-1, 3))
         clear = np.isfinite(intent).all(axis=1)
         n_unclear = int((~clear).sum())
+        intents = intent[clear, 0], actions_of_directions(intent[clear, 1:])
+        intent_time_s, intent_action = silenced(*intents, pauses_s)
         return RecordedDrive(
             pose_time_s=pose[:, 0],
             position_m=pose[:, 1:],
-            intent_time_s=intent[clear, 0],
-            intent_action=actions_of_directions(intent[clear, 1:]),
-            episodes=spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S),
+            intent_time_s=intent_time_s,
+            intent_action=intent_action,
+            episodes=spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S, pauses_s),
+            pauses_s=pauses_s,
             source=self._source,
             n_bad_poses=len(rows) - len(finite),
             dropped={NOT_FINITE: n_unclear} if n_unclear else {},
@@ -175,10 +183,18 @@ def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
     n_faults = len(reader.damage)
     found = _sessions_in(reader, kinds, noted)
     in_s = {kind: (np.array(rows).reshape(-1, 2) / 1e9).T for kind, rows in times.items()}
-    if not _stamps_agree(in_s):
+    pauses_s, (log_s, stamp_s) = paused_s(reader), in_s[POSE]
+    if _stamps_agree(in_s):
+        pauses_s = TimesOnClock(log_s[stamp_s > 0], stamp_s[stamp_s > 0]).of(pauses_s)
+    else:
         del reader.damage[n_faults:]  # it is found again
         found = _sessions_in(reader, kinds, lambda _, message: message.log_time_ns)
-    return tuple(session.drive() for session in found)
+    return tuple(session.drive(pauses_s) for session in found)
+
+
+def paused_s(reader: BagReader) -> FloatArray:
+    """(P,) log times in the middle of the pauses of the recorder, once all messages were read."""
+    return np.array(reader.pauses_ns, dtype=np.float64).reshape(-1, 2).mean(axis=1) / 1e9
 
 
 def _sessions_in(
