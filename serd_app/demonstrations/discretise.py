@@ -24,7 +24,6 @@ from serd_app.drives.drive import (
     SILENCE,
     EpisodeSpan,
     RecordedDrive,
-    is_after_gap,
     places_at,
 )
 from serd_app.drives.mapped import mapped_drive_in
@@ -229,9 +228,9 @@ def _repeated(decisions: TimedDecisions, seen: set[bytes]) -> BoolArray:
 
 def _outside(drive: RecordedDrive) -> Counter[str]:
     """Intents that are in no episode which demonstrates, by why."""
-    time_s = drive.intent_time_s[drive.intent_action != SILENCE] + _STAMP_TOLERANCE_S
     if not drive.episodes:
-        return Counter({OUTSIDE_EPISODE: len(time_s)})
+        return Counter({OUTSIDE_EPISODE: len(drive.intent_time_s)})
+    time_s = drive.intent_time_s + _STAMP_TOLERANCE_S
     rows = zip(*((span.start_s, span.end_s, span.outcome) for span in drive.episodes), strict=True)
     starts_s, ends_s, outcomes = map(np.array, rows)
     span = np.searchsorted(starts_s, time_s, side="right") - 1
@@ -257,10 +256,10 @@ def _follow(
     columns = time_s, *position_m.T, after_gap, since_s[row], commands[row]
     epochs.begin()
     taken, n_silent = int(Action.WAIT), 0
-    for at_s, x_m, y_m, is_new, from_s, command in zip(
+    for at_s, x_m, y_m, is_after_gap, from_s, command in zip(
         *(column[:-1].tolist() for column in columns), strict=True
     ):
-        if is_new:
+        if is_after_gap:
             epochs.lose()
         if epochs.see(at_s, x_m, y_m):
             if command != SILENCE:
@@ -315,7 +314,7 @@ def _way(drive: RecordedDrive, span: EpisodeSpan) -> tuple[FloatArray, FloatArra
     last = np.searchsorted(recorded_s, span.end_s + _STAMP_TOLERANCE_S)
     time_s, position_m = recorded_s[first:last], drive.position_m[first:last]
     step_s = np.diff(time_s, prepend=time_s[:1])
-    after_gap = is_after_gap(time_s, drive.longest_gap_s, drive.pauses_s)
+    after_gap = step_s > drive.longest_gap_s
     n_parts = np.ceil(step_s / _LONGEST_STEP_S - _STAMP_TOLERANCE_S).clip(1).astype(np.int64)
     n_parts[after_gap] = 1
     if n_parts.max(initial=1) == 1:

@@ -16,14 +16,12 @@ from typing import Any
 import numpy as np
 
 from serd_app.drives.drive import (
-    NO_PAUSES,
     NOT_FINITE,
     SILENCE,
     EpisodeSpan,
     actions_of_directions,
     hidden_intents,
     places_at,
-    silenced,
 )
 from serd_app.drives.fields import VECTORS, VELOCITIES, field_reader
 from serd_app.drives.mapping import BagMapping, TableMapping
@@ -84,11 +82,7 @@ class MappedActions:
         self._rows.extend((*times_s, x, others[0] if others else 0.0))
 
     def intents(
-        self,
-        mapping: BagMapping,
-        track: PoseTrack,
-        spans: tuple[EpisodeSpan, ...],
-        pauses_s: FloatArray,
+        self, mapping: BagMapping, track: PoseTrack, spans: tuple[EpisodeSpan, ...]
     ) -> Intents:
         """The intents by a mapping of this topic; BagError where it has no message."""
         at_s, vectors, n_unclear = self.stated(track)
@@ -102,11 +96,10 @@ class MappedActions:
                 hold_s=mapping.hold_s or np.inf,
                 minimum_speed_mps=mapping.minimum_speed_mps,
                 waits_in_silence=mapping.silence == "wait",
-                pauses_s=pauses_s + mapping.delay_s,
             )
             return found | {"n_bad_commands": n_unclear}
         dropped = {NOT_FINITE: n_unclear} if n_unclear else {}
-        at_s, actions = silenced(at_s, actions_of_directions(vectors), pauses_s)
+        actions = actions_of_directions(vectors)
         return {"intent_time_s": at_s, "intent_action": actions, "dropped": dropped}
 
     def stated(self, track: PoseTrack) -> tuple[FloatArray, FloatArray, int]:
@@ -179,7 +172,6 @@ def intents_of_velocities(
     hold_s: float = 0.5,
     minimum_speed_mps: float = 0.05,
     waits_in_silence: bool = False,
-    pauses_s: FloatArray = NO_PAUSES,
 ) -> Intents:
     """What velocity commands mean; without one the robot stands, if it waits in silence.
 
@@ -187,8 +179,6 @@ def intents_of_velocities(
     """
     asked = _Seconds(spans)
     until_s = np.minimum(np.append(command_time_s[1:], np.inf), command_time_s + hold_s)
-    pause_s = np.append(pauses_s, np.inf)[np.searchsorted(pauses_s, command_time_s)]
-    until_s = np.minimum(until_s, pause_s)  # another command may have been given in a pause
     # Between two edges one command acts; a robot that turns has another heading between the next.
     edges_s = np.unique(np.concatenate([asked.begin_s, asked.end_s, command_time_s, until_s]))
     edges_s = edges_s[np.isfinite(edges_s)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import diagnostic_array
-from serd_core.arrays import BoolArray, FloatArray, IntArray
+from serd_core.arrays import FloatArray, IntArray
 from serd_core.demonstrations.decisions import HIDDEN
 from serd_core.grid.grid import action_of_direction
 
@@ -29,7 +29,6 @@ NOT_FINITE = "direction not finite"
 LONGEST_GAP_S = 0.5
 #: In place of an action: no command is in force from then on.
 SILENCE = HIDDEN - 1
-NO_PAUSES = np.zeros(0)
 _MOST_DIGITS = 9
 
 
@@ -85,7 +84,6 @@ class RecordedDrive:
     longest_gap_s: between two poses across which the place is still interpolated.
     minimum_speed_mps: mean speed from which on the robot moves.
     cuts: how many episodes without marks end at a gap, a goal, a stop or a turn.
-    pauses_s: (P,) times at which the recorder was paused, that are gaps of any length.
     way_time_s, way_m: (M,) times and (M, 2) ways of the second after each, as commanded or driven;
     none where intents are actions already.
     """
@@ -104,7 +102,6 @@ class RecordedDrive:
     longest_gap_s: float = LONGEST_GAP_S
     minimum_speed_mps: float = 0.05
     cuts: Mapping[str, int] = field(default_factory=dict)
-    pauses_s: FloatArray = field(default_factory=lambda: NO_PAUSES)
     way_time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
     way_m: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
@@ -178,27 +175,8 @@ def _number(values: dict[str, str]) -> int:
     return int(text)
 
 
-def is_after_gap(time_s: FloatArray, longest_gap_s: float, pauses_s: FloatArray) -> BoolArray:
-    """(T,) whether a gap is before each pose, at increasing time_s: a long step, or a pause."""
-    after_gap = np.diff(time_s, prepend=time_s[:1]) > longest_gap_s
-    resumed = np.searchsorted(time_s, pauses_s)
-    after_gap[resumed[(resumed > 0) & (resumed < len(time_s))]] = True
-    return after_gap
-
-
-def silenced(
-    time_s: FloatArray, action: IntArray, pauses_s: FloatArray
-) -> tuple[FloatArray, IntArray]:
-    """Intents (N,) in order, with `SILENCE` at each pause: others may have been given in it."""
-    rows = np.searchsorted(time_s, pauses_s)
-    return np.insert(time_s, rows, pauses_s), np.insert(action, rows, SILENCE)
-
-
 def spans_of_marks(
-    marks: Iterable[EpisodeMark],
-    pose_time_s: FloatArray,
-    longest_gap_s: float,
-    pauses_s: FloatArray = NO_PAUSES,
+    marks: Iterable[EpisodeMark], pose_time_s: FloatArray, longest_gap_s: float
 ) -> tuple[EpisodeSpan, ...]:
     """The episodes in order; marks that were sent again count once. pose_time_s: (T,) increasing.
 
@@ -206,19 +184,41 @@ def spans_of_marks(
     episode or saves it after all. An episode whose number was there before is another one, and is
     given the number after the highest.
     """
-    found = _Spans(pose_time_s, is_after_gap(pose_time_s, longest_gap_s, pauses_s))
+    found = _Spans(pose_time_s, longest_gap_s)
     for mark in sorted(dict.fromkeys(marks), key=lambda each: each.time_s):
         found.take(mark)
     found.cut_off(float(pose_time_s[-1]) if len(pose_time_s) else 0.0)
     return tuple(span for _, span in found.closed)
 
 
+def without_pauses(
+    spans: Iterable[EpisodeSpan], pose_time_s: FloatArray, pauses_s: FloatArray
+) -> tuple[EpisodeSpan, ...]:
+    """The episodes, each in two where the recorder was paused: nobody knows what was driven and
+    commanded then. pauses_s: (P,) times on the clock of the poses.
+
+    What follows the pause belongs to the episode where its end is recorded.
+    """
+    found = list(spans)
+    for after in filter(None, np.searchsorted(pose_time_s, pauses_s)):
+        until_s, from_s = pose_time_s[after - 1], pose_time_s[after : after + 1]
+        for row, span in enumerate(found):
+            if span.demonstrates and span.start_s <= until_s and (from_s <= span.end_s).all():
+                found[row] = replace(span, end_s=float(until_s), outcome=CUT_OFF)
+                if len(from_s) and span.outcome != CUT_OFF:
+                    number = 1 + max(each.number for each in found)
+                    rest = replace(span, number=number, start_s=float(from_s[0]))
+                    found.insert(row + 1, rest)
+                break
+    return tuple(found)
+
+
 class _Spans:
     """closed: the number that was marked, and the episode."""
 
-    def __init__(self, pose_time_s: FloatArray, after_gap: BoolArray) -> None:
-        gaps = np.flatnonzero(after_gap)
-        self._gap_start_s, self._gap_end_s = pose_time_s[gaps - 1], pose_time_s[gaps]
+    def __init__(self, pose_time_s: FloatArray, longest_gap_s: float) -> None:
+        gaps = np.flatnonzero(np.diff(pose_time_s) > longest_gap_s)
+        self._gap_start_s, self._gap_end_s = pose_time_s[gaps], pose_time_s[gaps + 1]
         self._open: EpisodeMark | None = None
         self._numbers: set[int] = set()
         self.closed: list[tuple[int, EpisodeSpan]] = []

@@ -13,7 +13,6 @@ import numpy as np
 
 from serd_app.drives.actions import MappedActions, PoseTrack, posed_intents
 from serd_app.drives.drive import (
-    NO_PAUSES,
     EpisodeMark,
     EpisodeSpan,
     RecordedDrive,
@@ -21,6 +20,7 @@ from serd_app.drives.drive import (
     marks_of,
     source_of,
     spans_of_marks,
+    without_pauses,
 )
 from serd_app.drives.fields import POSES, FieldReader, field_reader
 from serd_app.drives.mapping import BagMapping, unmarked_spans, usual_gap_s
@@ -102,16 +102,18 @@ class MappedMessages:
             log_s = message.log_time_ns / 1e9
             self.marks.extend((log_s, mark) for mark in marks_of(message.data))
 
-    def drive(self, paused_log_s: FloatArray = NO_PAUSES) -> RecordedDrive:
+    def drive(self, paused_log_s: FloatArray | None = None) -> RecordedDrive:
         """The drive of all messages so far; paused_log_s: (P,) when the recorder was paused."""
         mapping, track = self.mapping, self.poses.track(self.mapping)
-        pauses_s = track.placed(paused_log_s, np.zeros(len(paused_log_s)))
         longest_gap_s = mapping.longest_gap_s or self.poses.usual_gap_s
-        spans, cuts = self._spans(track, longest_gap_s, pauses_s)
+        spans, cuts = self._spans(track, longest_gap_s)
+        if paused_log_s is not None:
+            pauses_s = track.placed(paused_log_s, np.zeros_like(paused_log_s))
+            spans = without_pauses(spans, track.time_s, pauses_s)
         if self.actions is None:
             intents = posed_intents(mapping, track, spans)
         else:
-            intents = self.actions.intents(mapping, track, spans, pauses_s)
+            intents = self.actions.intents(mapping, track, spans)
         return RecordedDrive(
             pose_time_s=track.time_s,
             position_m=track.poses[:, :2],
@@ -122,21 +124,19 @@ class MappedMessages:
             longest_gap_s=longest_gap_s,
             minimum_speed_mps=mapping.minimum_speed_mps,
             cuts=cuts,
-            pauses_s=pauses_s,
             **intents,
         )
 
     def _spans(
-        self, track: PoseTrack, longest_gap_s: float, pauses_s: FloatArray
+        self, track: PoseTrack, longest_gap_s: float
     ) -> tuple[tuple[EpisodeSpan, ...], Mapping[str, int]]:
         """Episodes, and what those without marks were cut at."""
         if not self.mark_topic:
-            placed = track.time_s, track.poses[:, :2]
-            return unmarked_spans(*placed, longest_gap_s, self.mapping, pauses_s)
+            return unmarked_spans(track.time_s, track.poses[:, :2], longest_gap_s, self.mapping)
         rows = np.array([(log_s, mark.time_s) for log_s, mark in self.marks]).reshape(-1, 2)
         placed = zip(track.placed(*rows.T), self.marks, strict=True)
         marks = (replace(mark, time_s=float(at_s)) for at_s, (_, mark) in placed)
-        return spans_of_marks(marks, track.time_s, longest_gap_s, pauses_s), {}
+        return spans_of_marks(marks, track.time_s, longest_gap_s), {}
 
 
 class MappedPoses:

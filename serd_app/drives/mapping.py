@@ -17,14 +17,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from serd_app.drives.drive import (
-    LONGEST_GAP_S,
-    NO_PAUSES,
-    RETURN,
-    EpisodeSpan,
-    is_after_gap,
-    places_at,
-)
+from serd_app.drives.drive import LONGEST_GAP_S, RETURN, EpisodeSpan, places_at
 from serd_core.arrays import BoolArray, FloatArray
 from serd_files.settings import setting
 from serd_files.trajectories.columns import TableColumns
@@ -192,15 +185,10 @@ class _Piece:
 
 
 def unmarked_spans(
-    time_s: FloatArray,
-    position_m: FloatArray,
-    longest_gap_s: float,
-    mapping: DriveMapping,
-    pauses_s: FloatArray = NO_PAUSES,
+    time_s: FloatArray, position_m: FloatArray, longest_gap_s: float, mapping: DriveMapping
 ) -> tuple[tuple[EpisodeSpan, ...], Counter[str]]:
     """The episodes in order, numbered from 0, and how many of them end at what."""
-    after_gap = is_after_gap(time_s, longest_gap_s, pauses_s)
-    pieces = list(_at_gaps(_Piece(time_s, position_m), after_gap))
+    pieces = list(_at_gaps(_Piece(time_s, position_m), longest_gap_s))
 
     def cut(rule: Callable[..., Iterator[_Piece]], *settings: Any) -> list[_Piece]:
         return [part for piece in pieces for part in rule(piece, *settings)]
@@ -228,8 +216,8 @@ def usual_gap_s(time_s: FloatArray) -> float:
     return max(LONGEST_GAP_S, _GAP_STEPS * usual_s)
 
 
-def _at_gaps(piece: _Piece, after_gap: BoolArray) -> Iterator[_Piece]:
-    edges = [0, *np.flatnonzero(after_gap), len(piece.time_s)]
+def _at_gaps(piece: _Piece, longest_gap_s: float) -> Iterator[_Piece]:
+    edges = [0, *(np.flatnonzero(np.diff(piece.time_s) > longest_gap_s) + 1), len(piece.time_s)]
     for start, stop in pairwise(edges):
         yield piece.part(start, stop, "" if stop == len(piece.time_s) else GAP)
 

@@ -15,7 +15,6 @@ from serd_app.drives.drive import (
     EPISODE,
     INTENT,
     LONGEST_GAP_S,
-    NO_PAUSES,
     NOT_FINITE,
     POSE,
     EpisodeMark,
@@ -23,9 +22,9 @@ from serd_app.drives.drive import (
     actions_of_directions,
     finite_poses,
     marks_of,
-    silenced,
     source_of,
     spans_of_marks,
+    without_pauses,
 )
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import decode, message_stamp_ns, pose_position
@@ -33,6 +32,8 @@ from serd_bag.messages.times import RESTART_NS, TimesOnClock, agrees, placed_s
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, topic_named
 from serd_core.arrays import FloatArray
+
+_NO_PAUSES = np.zeros(0)
 
 
 class Session:
@@ -47,26 +48,21 @@ class Session:
         self.marks: list[EpisodeMark] = []
         self.newest_pose_ns = self.newest_end_ns = 0
 
-    def drive(self, pauses_s: FloatArray = NO_PAUSES) -> RecordedDrive:
-        """Everything so far; BagError where there are poses and none is finite.
-
-        pauses_s: (P,) times at which the recorder was paused.
-        """
+    def drive(self, pauses_s: FloatArray = _NO_PAUSES) -> RecordedDrive:
+        """Everything so far; BagError where there are poses and none is finite."""
         rows = np.array(self.poses).reshape(-1, 3)
         finite = finite_poses(rows, self._source)
         pose = _unique(finite)
         intent = _unique(np.array(self.intents).reshape(-1, 3))
         clear = np.isfinite(intent).all(axis=1)
         n_unclear = int((~clear).sum())
-        intents = intent[clear, 0], actions_of_directions(intent[clear, 1:])
-        intent_time_s, intent_action = silenced(*intents, pauses_s)
+        spans = spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S)
         return RecordedDrive(
             pose_time_s=pose[:, 0],
             position_m=pose[:, 1:],
-            intent_time_s=intent_time_s,
-            intent_action=intent_action,
-            episodes=spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S, pauses_s),
-            pauses_s=pauses_s,
+            intent_time_s=intent[clear, 0],
+            intent_action=actions_of_directions(intent[clear, 1:]),
+            episodes=without_pauses(spans, pose[:, 0], pauses_s),
             source=self._source,
             n_bad_poses=len(rows) - len(finite),
             dropped={NOT_FINITE: n_unclear} if n_unclear else {},

@@ -153,37 +153,27 @@ class FollowedTopic:
         )
 
 
-class _Ready:
-    """In place of a wait set, for an event that is taken by a timer.
+class LostMessages(EventHandler):  # type: ignore[misc]
+    """Counts what the middleware reports as lost to a subscription, from now on.
 
-    While it waits in EventsExecutor its subscription must not be destroyed.
+    It is asked and not called back: an event that waits in EventsExecutor when its subscription is
+    destroyed would end that.
     """
 
-    def add_event(self, _: object) -> int:
-        return 0
-
-    def is_ready(self, _kind: str, _index: int) -> bool:
-        return True
-
-
-class LostMessages:
-    """Messages that the middleware reports as lost to a subscription, from now on."""
-
     def __init__(self, subscription: Subscription) -> None:
-        self.subscription = subscription
-        self._event = EventHandler(
+        super().__init__(
             callback_group=ReentrantCallbackGroup(),
             callback=None,
             event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST,
             parent_impl=subscription.handle,
         )
-        self._event.add_to_wait_set(_Ready())
+        self.subscription = subscription
         self.take()
 
     def take(self) -> int:
         """How many since the last time."""
-        self._event.is_ready(_Ready())
-        return int(self._event.take_data().total_count_change)
+        self._ready_to_take_data = True
+        return int(self.take_data().total_count_change)
 
 
 def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lambda: None) -> None:
