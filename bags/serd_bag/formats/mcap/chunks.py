@@ -5,7 +5,6 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cache
 from io import BytesIO
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO, NamedTuple
@@ -32,8 +31,6 @@ _LARGEST_EXTENSION = 1024
 CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{28}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{5}\0{3}", re.DOTALL
 )
-_POLYNOMIAL = 0xEDB88320
-_CRC_BLOCK = 2048
 
 LONGEST_HEAD = RECORD_HEAD.size + _FIELDS.size + _LONGEST_NAME + _SIZE.size
 
@@ -77,12 +74,6 @@ class ChunkUnpacker:
         self._window, self._limit = window, limit
         self._n_left = most_unpacked(file_size)
         self._n_tried = 2 * window.size + LARGEST_CONTENT
-        self.n_repaired = 0
-
-    @property
-    def may_try(self) -> bool:
-        """Whether bytes that may be no chunk are still tried."""
-        return self._n_tried > 0
 
     def may_use(self, size: int) -> bool:
         """Whether so many more bytes that may be no chunk are tried."""
@@ -134,12 +125,13 @@ class ChunkUnpacker:
         first = at + head.data_start
         data, unpacked = memoryview(block)[first : first + size], BytesIO()
         pieces = (bytes(data[at : at + _ZSTD_PIECE]) for at in range(0, size, _ZSTD_PIECE))
-        parts = _parts(head.compression, pieces)
-        if parts is None:
+        try:
+            parts, _ = _parts(head.compression, pieces)
+        except BagError:
             return block, first, first + len(data)
         most = min(head.size, LARGEST_CONTENT)
         with suppress(zstandard.ZstdError, RuntimeError, MemoryError, BagError):
-            for part in parts[0]:
+            for part in parts:
                 self._use(len(part))
                 if unpacked.tell() + len(part) > most:
                     break
@@ -156,12 +148,10 @@ class ChunkUnpacker:
             self._window.read(place, min(_ZSTD_PIECE, end - place))
             for place in range(begin, end, _ZSTD_PIECE)
         )
-        parts, digest = _parts(head.compression, pieces), 0
-        if parts is None:
-            raise _unknown(head.compression)
+        (parts, _), digest = _parts(head.compression, pieces), 0
         file = TemporaryFile()  # noqa: SIM115 (its caller closes it)
         try:
-            for part in parts[0]:
+            for part in parts:
                 self._use(len(part))
                 digest = zlib.crc32(part, digest)
                 file.write(part)
@@ -177,10 +167,8 @@ class ChunkUnpacker:
         size = head.data_start + head.data_size
         if head.data_size > LARGEST_CONTENT:
             raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, got {size}")
-        if not is_certain:
-            self._n_tried -= size
-            if self._n_tried < 0:
-                raise BagError("a chunk is longer than its record")
+        if not (is_certain or self.may_use(size)):
+            raise BagError("a chunk is longer than its record")
         block, at = self._window.locate(offset, size)
         first = at + head.data_start
         data = memoryview(block)[first : first + head.data_size]
@@ -188,14 +176,8 @@ class ChunkUnpacker:
             raise BagError("a chunk is longer than its record")
         unpacked = self._decompressed(head, data) if head.compression else None
         records = data if unpacked is None else unpacked
-        if head.checksum and (checksum := zlib.crc32(records)) != head.checksum:
-            place = None if unpacked else wrong_bit(len(data), checksum ^ head.checksum)
-            if place is None:
-                raise BagError("the checksum of a chunk does not fit its content")
-            repaired = bytearray(data)
-            repaired[place[0]] ^= place[1]
-            self.n_repaired += 1
-            return bytes(repaired), 0, len(repaired)
+        if head.checksum not in (0, zlib.crc32(records)):
+            raise BagError("the checksum of a chunk does not fit its content")
         if unpacked is None:
             return block, first, first + len(data)
         return unpacked, 0, len(unpacked)
@@ -210,13 +192,10 @@ class ChunkUnpacker:
                     self._use(size)
                     with suppress(zstandard.ZstdError):
                         return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-            parts = _parts(head.compression, data)
-            if parts is not None:
-                most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
-                return self._joined(*parts, min(most, LARGEST_CONTENT))
+            most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
+            return self._joined(*_parts(head.compression, data), min(most, LARGEST_CONTENT))
         except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
             raise BagError(f"a chunk cannot be unpacked ({error})") from None
-        raise _unknown(head.compression)
 
     def _joined(self, parts: Iterator[bytes], decompressor: Any, most: int) -> bytes:
         records = BytesIO()
@@ -235,11 +214,9 @@ class ChunkUnpacker:
             raise BagError("the file unpacks to more than one of its size can hold")
 
 
-def _parts(
-    compression: str, data: memoryview | Iterator[bytes]
-) -> tuple[Iterator[bytes], Any] | None:
-    """The parts that a decompressor makes of the data, and the decompressor; None for no known
-    compression."""
+def _parts(compression: str, data: memoryview | Iterator[bytes]) -> tuple[Iterator[bytes], Any]:
+    """The parts that a decompressor makes of the data, and the decompressor; BagError for an
+    unknown compression."""
     if compression == "zstd":
         decompressor = zstandard.ZstdDecompressor().decompressobj()
         return (
@@ -248,7 +225,7 @@ def _parts(
     if compression == "lz4":
         frame = lz4.frame.LZ4FrameDecompressor()
         return _lz4_parts(frame, _pieces(data, _LZ4_PIECE)), frame
-    return None
+    raise BagError(f"compression of a chunk must be zstd, lz4 or none, got {compression!r}")
 
 
 def _pieces(data: memoryview | Iterator[bytes], size: int) -> Iterator[bytes]:
@@ -267,82 +244,3 @@ def _lz4_parts(decompressor: Any, pieces: Iterator[bytes]) -> Iterator[bytes]:
             piece = b""
             if decompressor.needs_input or not part:
                 break
-
-
-def _unknown(compression: str) -> BagError:
-    known = "zstd, lz4 or none"
-    return BagError(f"compression of a chunk must be {known}, got {compression!r}")
-
-
-def wrong_bit(length: int, difference: int) -> tuple[int, int] | None:
-    """(place of the byte, its wrong bit as a mask) among `length` bytes; None for several bits.
-
-    CRC-32 is linear: the difference of the checksums of two texts of one length is that of the
-    wrong bits alone. A wrong bit with k bytes behind it makes the difference S^k(T[bit]), where S
-    is the step of the checksum for a zero byte and T its table (RFC 1952, section 8). It is found
-    from both sides: a table for the last 2,048 bytes, and steps back of 2,048 bytes at once.
-
-    difference: checksum of the bytes as they are, exclusive or that of the right ones. Of damage
-    to several bits one in 2^29 / length is taken for a single one.
-    """
-    places, back = _last_places(), _steps_back()
-    for behind in range(0, length, _CRC_BLOCK):
-        found = places.get(difference)
-        if found is not None:
-            place = length - 1 - behind - found[0]
-            return (place, found[1]) if place >= 0 else None
-        difference = (
-            back[0][difference & 0xFF]
-            ^ back[1][difference >> 8 & 0xFF]
-            ^ back[2][difference >> 16 & 0xFF]
-            ^ back[3][difference >> 24]
-        )
-    return None
-
-
-@cache
-def _table() -> tuple[int, ...]:
-    rows = []
-    for value in range(256):
-        for _ in range(8):
-            value = value >> 1 ^ (_POLYNOMIAL if value & 1 else 0)
-        rows.append(value)
-    return tuple(rows)
-
-
-@cache
-def _last_places() -> dict[int, tuple[int, int]]:
-    """(bytes behind it, mask) of each bit of a block, by the difference that it makes."""
-    table, places = _table(), {}
-    for bit in range(8):
-        difference = table[1 << bit]
-        for behind in range(_CRC_BLOCK):
-            places[difference] = behind, 1 << bit
-            difference = difference >> 8 ^ table[difference & 0xFF]
-    return places
-
-
-@cache
-def _steps_back() -> tuple[tuple[int, ...], ...]:
-    """The step back over a block, for each value of each byte of a difference."""
-    table = _table()
-    of_high_byte = {entry >> 24: (entry, low) for low, entry in enumerate(table)}
-
-    def back(difference: int) -> int:
-        for _ in range(_CRC_BLOCK):
-            entry, low = of_high_byte[difference >> 24]
-            difference = (difference ^ entry) << 8 & 0xFFFFFFFF | low
-        return difference
-
-    of_bits = [back(1 << bit) for bit in range(32)]
-
-    def combined(value: int, first_bit: int) -> int:
-        result = 0
-        for bit in range(8):
-            if value >> bit & 1:
-                result ^= of_bits[first_bit + bit]
-        return result
-
-    return tuple(
-        tuple(combined(value, first_bit) for value in range(256)) for first_bit in (0, 8, 16, 24)
-    )
