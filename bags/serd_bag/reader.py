@@ -155,7 +155,7 @@ class BagReader:
             found = scan.records(wanted, doubtful=doubtful)
             yield scan, _unpacked_records(scan, found) if self._packs_messages else found
             self.has_checksums &= scan.has_checksums
-            self._report(scan.damage, file)
+            self._report(scan.log.damage, file)
         self.losses = losses(self.layout, self.scans)
         counts = sum((scan.counts for _, scan in self.scans), Counter())
         missing = [] if self.damage else missing_messages(self.layout, counts)
@@ -196,7 +196,7 @@ class BagReader:
                 self.profile = scan.profile
             yield from scan.channels()
             if not self.tolerant:
-                self._report(scan.damage, file)
+                self._report(scan.log.damage, file)
 
     def _scans(self) -> Iterator[tuple[Path, FileScan]]:
         """Each file of the bag, or recording in a file, and what reads it."""

@@ -190,7 +190,8 @@ def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
 
 def paused_s(reader: BagReader) -> FloatArray:
     """(P,) log times in the middle of the pauses of the recorder, once all messages were read."""
-    return np.array(reader.pauses_ns, dtype=np.float64).reshape(-1, 2).mean(axis=1) / 1e9
+    pauses_ns = np.array(reader.pauses_ns, dtype=np.float64).reshape(-1, 2)
+    return np.asarray(pauses_ns.mean(axis=1) / 1e9)
 
 
 def _sessions_in(

@@ -153,7 +153,7 @@ class FollowedTopic:
         )
 
 
-class LostMessages(EventHandler):  # type: ignore[misc]
+class LostMessages(EventHandler):
     """Counts what the middleware reports as lost to a subscription, from now on.
 
     It is asked and not called back: an event that waits in EventsExecutor when its subscription is

@@ -24,8 +24,6 @@ MOST_DEFINITIONS = 32 << 20
 #: Lines in which the faults of a bag are reported.
 MOST_FAULTS = 20
 MOST_FAULTS_OF_A_FILE = 12
-#: Of messages that are left out: no bag can hold such times.
-WRONG_TIMES = "messages have times outside of 0 to 2^63-1 ns"
 #: Of JSON, what YAML takes for a line break or does not allow.
 _ESCAPED = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
 _LONGEST_YAML, _DEEPEST = 4 << 20, 20

@@ -10,8 +10,10 @@ a chunk.
 import bz2
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import chain
 from typing import Any, NamedTuple
 
 from serd_bag.damage import DamageLog, State
@@ -216,8 +218,9 @@ class Walk:
     """What a walk has found, once it has ended.
 
     log: faults on the way; connections: outside of chunks; counts: messages by connection that the
-    index has of each chunk,
-    by its place. mark: takes begin, end, state and reason of bytes that were not read.
+    index has of each chunk, by its place; listed: those that the index behind each chunk has;
+    span_ns: first and last time of these. mark: takes begin, end, state and reason of bytes that
+    were not read.
     """
 
     def __init__(
@@ -229,12 +232,12 @@ class Walk:
         self.connections: dict[int, Channel] = {}
         self._mark = mark
         self.counts: dict[int, dict[int, int]] = {}
+        self.listed: dict[int, Counter[int]] = {}
+        self.span_ns: list[int] = []
         self.log = log
         self._window = window
         self._header: Record | None = None
         self._index_start: int | None = None
-        self._chunks: set[int] = set()
-        self._indexed: set[int] = set()
 
     def parts(self) -> Iterator[Part]:
         """All chunks and messages in the order of the file."""
@@ -251,7 +254,6 @@ class Walk:
                 continue
             last, offset = offset, record.end
             if record.kind == CHUNK:
-                self._chunks.add(last)
                 record, offset = self._sized(last, record)
                 entries, offset = self._entries(last, offset)
                 yield last, record, entries
@@ -277,14 +279,14 @@ class Walk:
             yield f"the bag header points to byte {stated} as the index, which begins at {begin}"
         for name, what, found in (
             (b"conn_count", "connections", len(self.connections)),
-            (b"chunk_count", "chunks", len(self._chunks)),
+            (b"chunk_count", "chunks", len(self.listed)),
         ):
             if (count := _number(self._header, name)) != found:
                 yield f"{count} {what} were written, {found} are there"
-        if self.counts.keys() != self._chunks:
-            n_right = len(self.counts.keys() & self._chunks)
-            yield f"the index has {n_right} of {len(self._chunks)} chunks where they begin"
-        if not self._indexed <= self.connections.keys():
+        if self.counts.keys() != self.listed.keys():
+            n_right = len(self.counts.keys() & self.listed.keys())
+            yield f"the index has {n_right} of {len(self.listed)} chunks where they begin"
+        if not {*chain(*self.counts.values(), *self.listed.values())} <= self.connections.keys():
             yield "the index does not have all connections"
 
     def _beginning(self) -> int:
@@ -352,7 +354,9 @@ class Walk:
                 self.log.note(place, "a chunk is damaged (its index has not the size it states)")
             else:
                 found += entries
-        self._indexed.update(connection for connection, _, _ in found)
+        self.listed[place] = Counter(connection for connection, _, _ in found)
+        times_ns = [*self.span_ns, *(time_ns for _, time_ns, _ in found)]
+        self.span_ns = [min(times_ns), max(times_ns)] if times_ns else []
         return found, offset
 
     def _record_or_none(self, offset: int) -> Record | None:
@@ -380,7 +384,6 @@ class Walk:
             else:
                 chunk, counts = counts_of(record, data)
                 self.counts[chunk] = counts
-                self._indexed.update(counts)
                 if len(counts) != record.number(b"count"):
                     self.log.note(place, "the index has not the counts of a chunk that it states")
         except BagError as error:

@@ -49,7 +49,7 @@ class SqliteScan(FileScan):
         with self._database() as (path, database):
             found = _channels(path, database)
             if not found:
-                self._note(_fault(database) or "it names no topic")
+                self.log.note(None, _fault(database) or "it names no topic")
         return list(found.values())
 
     def records(
@@ -73,7 +73,7 @@ class SqliteScan(FileScan):
         with self._database() as (path, database):
             fault = _fault(database, whole=self._thorough)
             if fault:
-                self._note(fault)
+                self.log.note(None, fault)
             known = _channels(path, database)
             wanted = None
             if topics is not None:
@@ -106,12 +106,16 @@ class SqliteScan(FileScan):
                 self._compare_with_index(database, self.counts.total() + n_unknown)
         self.n_left_out = n_unknown
         if n_unknown:
-            self._note(f"{n_unknown} messages have lost their topic, their time or their content")
+            self.log.note(
+                None, f"{n_unknown} messages have lost their topic, their time or their content"
+            )
 
     def _compare_with_index(self, database: sqlite3.Connection, n_found: int) -> None:
         n_indexed = _n_indexed(database)
         if n_indexed is not None and n_indexed != n_found:
-            self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
+            self.log.note(
+                None, f"its index of times lists {n_indexed} messages, {n_found} are readable"
+            )
 
     def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
         """Rows of messages in the order of recording."""
@@ -138,7 +142,7 @@ class SqliteScan(FileScan):
                         else:
                             n_read[topic] += 1
         if pages.n_cut:
-            self._note(f"{pages.n_cut} rows are cut off or damaged")
+            self.log.note(None, f"{pages.n_cut} rows are cut off or damaged")
         for span in pages.lost():
             self.mark(*span)
 
