@@ -38,17 +38,9 @@ class LastSeconds:
         self._recent, self._lasting = deque[_Kept](), deque[_Kept]()
         self._n_bytes = 0
 
-    def take(
-        self,
-        topic: str,
-        data: bytes,
-        log_time_ns: int,
-        publish_time_ns: int,
-        *,
-        lasting: bool = False,
-    ) -> None:
-        """One message. lasting: it holds until another comes, as a map; only bytes limit those."""
-        kept = _Kept(self._clock(), topic, data, log_time_ns, publish_time_ns)
+    def take(self, topic: str, data: bytes, *times_ns: int, lasting: bool = False) -> None:
+        """One message with its log and publish time; lasting: only bytes limit those, as a map."""
+        kept = _Kept(self._clock(), topic, data, *times_ns)
         (self._lasting if lasting else self._recent).append(kept)
         self._n_bytes += len(data) + _OVERHEAD
         self._forget()
@@ -69,10 +61,9 @@ class LastSeconds:
         with new_folder(Path(directory)) as folder, BagWriter(folder) as writer:
             for topic in topics:
                 writer.add_topic(*topic)
-            for _, name, data, log_time_ns, publish_time_ns in sorted(
-                [*self._lasting, *self._recent], key=lambda each: each.taken_s
-            ):
-                writer.write(name, data, max(log_time_ns, first_ns), publish_time_ns)
+            for each in sorted([*self._lasting, *self._recent], key=lambda kept: kept.taken_s):
+                log_time_ns = max(each.log_time_ns, first_ns)
+                writer.write(each.topic, each.data, log_time_ns, each.publish_time_ns)
             return writer.n_messages
 
     def _forget(self) -> None:

@@ -1,7 +1,6 @@
 """What a rescue saved and what it did not: of each file byte by byte, of each topic in bounds."""
 
 import html
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -87,10 +86,6 @@ class Certificate:
             "n_doubtful": self.n_doubtful,
             "is_complete": self.is_complete,
         }
-
-    def json(self) -> str:
-        """Everything as JSON."""
-        return json.dumps(self.values(), indent=1, ensure_ascii=False, default=str) + "\n"
 
     def page(self) -> str:
         """One HTML page: each file as a bar of its bytes, each topic as a line of time."""

@@ -17,7 +17,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
-from serd_bag.damage import FileScan
+from serd_bag.damage import FileScan, Stated
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_MESSAGE
 from serd_bag.formats.sqlite.pages import SqlitePages
@@ -43,6 +43,22 @@ class SqliteScan(FileScan):
     ) -> None:
         super().__init__(path, start, end)
         self._thorough = thorough
+
+    def stated(self) -> Stated | None:
+        """Contents by rows that SQLite counts without their data."""
+        query = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages"
+        with self._database() as (path, database), suppress(sqlite3.Error):
+            if _fault(database, whole=False):
+                return None
+            known = _channels(path, database)
+            rows = database.execute(f"{query} GROUP BY topic_id").fetchall()
+            counts = Counter({known[number].topic: n for number, n, *_ in rows if number in known})
+            is_whole = counts.total() == sum(row[1] for row in rows) == _n_indexed(database)
+            times_ns = [time_ns for row in rows for time_ns in row[2:]]
+            if is_whole and all(time_ns.__class__ is int and time_ns >= 0 for time_ns in times_ns):
+                types = {each.topic: each.type_name for each in reversed(known.values())}
+                return Stated(types, counts, min(times_ns, default=0), max(times_ns, default=0))
+        return None
 
     def channels(self) -> list[Channel]:
         """Channels of the file; of a damaged one those whose rows are left."""
