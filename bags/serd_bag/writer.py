@@ -201,15 +201,11 @@ class BagWriter:
             atomic_write_text(self.directory / FILE_NAME, text)
         except FileError:
             self.failed = True
-            self.abandon()
+            self._abandon()
             raise
 
-    def abandon(self) -> None:
-        """Close without a summary, as after a crash: for a disk on which writes fail.
-
-        Afterwards `counts` holds the messages that are on the disk.
-        """
-        self._closed = True
+    def _abandon(self) -> None:
+        """Close without a summary, as after a crash; `counts` are then those on the disk."""
         unwritten = self._file.unwritten if self._file.is_open else {}
         for channel, number in self._channels.items():
             self.counts[channel.topic] -= unwritten.get(number, 0)

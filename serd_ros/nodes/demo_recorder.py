@@ -19,8 +19,7 @@ from serd_bag.errors import BagError
 from serd_bag.formats.rosbag2.qos import QosProfile
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
-from serd_bag.recorder import BagRecorder, RecorderSettings
-from serd_bag.snapshot import LastSeconds
+from serd_bag.recorder import BagRecorder, LastSeconds, RecorderSettings
 from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time
@@ -277,12 +276,12 @@ class Recording(Activity):
 
     def _on_pause(self, _: Trigger.Request) -> str:
         recorder = self._present()
-        recorder.pause()
+        recorder.paused = True
         return f"{recorder.status.n_messages} messages in {recorder.directory}, paused"
 
     def _on_resume(self, _: Trigger.Request) -> str:
         recorder = self._present()
-        recorder.resume()
+        recorder.paused = False
         return f"recording into {recorder.directory}"
 
     def _on_snapshot(self, _: Trigger.Request) -> str:

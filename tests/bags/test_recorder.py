@@ -8,8 +8,7 @@ import pytest
 
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
-from serd_bag.recorder import BagRecorder, RecorderSettings
-from serd_bag.snapshot import LastSeconds
+from serd_bag.recorder import BagRecorder, LastSeconds, RecorderSettings
 from support.bag_messages import DIAGNOSTICS, POSE
 
 

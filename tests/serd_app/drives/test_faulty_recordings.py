@@ -51,7 +51,7 @@ def record(tmp_path, messages):
         send("/episode", START_S, messages.mark, "start", 0)
         for tick in range(201):
             time_s = START_S + 0.1 * tick
-            (recorder.pause if tick in paused_ticks else recorder.resume)()
+            recorder.paused = tick in paused_ticks
             send("/robot_pose", time_s, messages.pose, 0.5, 0.5 + 0.05 * tick)
             send("/other", time_s, messages.pose, 0.5, 0.5 + 0.05 * tick)
             send("/cmd_vel", time_s, command)
