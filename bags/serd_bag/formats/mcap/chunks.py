@@ -1,9 +1,10 @@
 """Chunks of MCAP files: their heads, also where a chain of records is broken, and their records."""
 
+import math
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from io import BytesIO
 from tempfile import TemporaryFile
@@ -21,8 +22,9 @@ from serd_bag.formats.mcap.window import FileWindow
 _FIELDS = struct.Struct("<QQQII")
 _LONGEST_NAME = 16
 _SIZE = struct.Struct("<Q")
+_KNOWN = ("zstd", "lz4")
 #: Bytes that are decompressed at once: zstd makes 8 MiB of them at most, lz4 copies the rest.
-_ZSTD_PIECE, _LZ4_PIECE = 256, 1 << 20
+_ZSTD_PIECE, _PIECE = 256, 1 << 20
 #: A chunk may unpack to this many times its size, or to so many bytes, if it states fewer.
 _MOST_PACKED, _LEAST_UNPACKED = 10, 1 << 20
 #: More bytes than this after the fields of an empty chunk are its records, not an extension.
@@ -123,18 +125,11 @@ class ChunkUnpacker:
             return b"", 0, 0
         block, at = self._window.locate(offset, head.data_start + size)
         first = at + head.data_start
-        data, unpacked = memoryview(block)[first : first + size], BytesIO()
-        pieces = (bytes(data[at : at + _ZSTD_PIECE]) for at in range(0, size, _ZSTD_PIECE))
-        try:
-            parts, _ = _parts(head.compression, pieces)
-        except BagError:
-            return block, first, first + len(data)
-        most = min(head.size, LARGEST_CONTENT)
-        with suppress(zstandard.ZstdError, RuntimeError, MemoryError, BagError):
-            for part in parts:
-                self._use(len(part))
-                if unpacked.tell() + len(part) > most:
-                    break
+        if head.compression not in _KNOWN:
+            return block, first, min(len(block), first + size)
+        unpacked = BytesIO()
+        with suppress(BagError):
+            for part in self._parts(head, offset, size, min(head.size, LARGEST_CONTENT)):
                 unpacked.write(part)
         return unpacked.getvalue(), 0, unpacked.tell()
 
@@ -143,20 +138,10 @@ class ChunkUnpacker:
 
         Raises BagError if they do not fit their checksum or cannot be unpacked.
         """
-        begin, end = offset + head.data_start, offset + head.data_start + head.data_size
-        pieces = (
-            self._window.read(place, min(_ZSTD_PIECE, end - place))
-            for place in range(begin, end, _ZSTD_PIECE)
-        )
-        (parts, _), digest = _parts(head.compression, pieces), 0
-        file = TemporaryFile()  # noqa: SIM115 (its caller closes it)
-        try:
-            for part in parts:
-                self._use(len(part))
-                digest = zlib.crc32(part, digest)
-                file.write(part)
-        except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
-            raise BagError(f"a chunk cannot be unpacked ({error})") from None
+        file, digest = TemporaryFile(), 0  # noqa: SIM115 (its caller closes it)
+        for part in self._parts(head, offset, head.data_size):
+            digest = zlib.crc32(part, digest)
+            file.write(part)
         if head.checksum not in (0, digest):
             raise BagError("the checksum of a chunk does not fit its content")
         file.flush()
@@ -174,7 +159,7 @@ class ChunkUnpacker:
         data = memoryview(block)[first : first + head.data_size]
         if len(data) < head.data_size:
             raise BagError("a chunk is longer than its record")
-        unpacked = self._decompressed(head, data) if head.compression else None
+        unpacked = self._decompressed(head, offset, data) if head.compression else None
         records = data if unpacked is None else unpacked
         if head.checksum not in (0, zlib.crc32(records)):
             raise BagError("the checksum of a chunk does not fit its content")
@@ -182,31 +167,36 @@ class ChunkUnpacker:
             return block, first, first + len(data)
         return unpacked, 0, len(unpacked)
 
-    def _decompressed(self, head: ChunkHead, data: memoryview) -> bytes:
+    def _decompressed(self, head: ChunkHead, offset: int, data: memoryview) -> bytes:
         """Decompress the records, in pieces unless the frame or the head states their size."""
-        try:
-            if head.compression == "zstd":
+        if head.compression == "zstd":
+            with suppress(zstandard.ZstdError, MemoryError):
                 size = zstandard.frame_content_size(data)
                 size = head.size if size < 0 else size
                 if 0 < size <= LARGEST_CONTENT:
                     self._use(size)
-                    with suppress(zstandard.ZstdError):
-                        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-            most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
-            return self._joined(*_parts(head.compression, data), min(most, LARGEST_CONTENT))
+                    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
+        return b"".join(self._parts(head, offset, len(data), min(most, LARGEST_CONTENT), _PIECE))
+
+    def _parts(
+        self, head: ChunkHead, offset: int, size: int, most: float = math.inf, of_lz4: int = 0
+    ) -> Iterator[bytes]:
+        """Unpack so many bytes of the data of a chunk; BagError where no more can be unpacked, and
+        after `most` bytes. of_lz4: bytes that are unpacked at once."""
+        begin, end = offset + head.data_start, offset + head.data_start + size
+        step = of_lz4 if of_lz4 and head.compression == "lz4" else _ZSTD_PIECE
+        places = range(begin, end, step)
+        pieces = (self._window.read(place, min(step, end - place)) for place in places)
+        try:
+            for part in _unpacked(head.compression, pieces):
+                self._use(len(part))
+                most -= len(part)
+                if most < 0:
+                    raise BagError("a chunk unpacks to more bytes than one of its size can hold")
+                yield part
         except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
             raise BagError(f"a chunk cannot be unpacked ({error})") from None
-
-    def _joined(self, parts: Iterator[bytes], decompressor: Any, most: int) -> bytes:
-        records = BytesIO()
-        for part in parts:
-            self._use(len(part))
-            if records.tell() + len(part) > most:
-                raise BagError(f"a chunk must have {most} bytes at most, it has more")
-            records.write(part)
-        if not decompressor.eof:
-            raise BagError("a chunk cannot be unpacked (it ends early)")
-        return records.getvalue()
 
     def _use(self, n_bytes: int) -> None:
         self._n_left -= n_bytes
@@ -214,32 +204,25 @@ class ChunkUnpacker:
             raise BagError("the file unpacks to more than one of its size can hold")
 
 
-def _parts(compression: str, data: memoryview | Iterator[bytes]) -> tuple[Iterator[bytes], Any]:
-    """The parts that a decompressor makes of the data, and the decompressor; BagError for an
-    unknown compression."""
+def _unpacked(compression: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """The parts that are unpacked of pieces; BagError where these end early, or of another kind."""
     if compression == "zstd":
-        decompressor = zstandard.ZstdDecompressor().decompressobj()
-        return (
-            decompressor.decompress(piece) for piece in _pieces(data, _ZSTD_PIECE)
-        ), decompressor
-    if compression == "lz4":
-        frame = lz4.frame.LZ4FrameDecompressor()
-        return _lz4_parts(frame, _pieces(data, _LZ4_PIECE)), frame
-    raise BagError(f"compression of a chunk must be zstd, lz4 or none, got {compression!r}")
+        decompressor: Any = zstandard.ZstdDecompressor().decompressobj()
+        yield from map(decompressor.decompress, pieces)
+    elif compression == "lz4":
+        decompressor = lz4.frame.LZ4FrameDecompressor()
+        yield from parts_unpacked(decompressor, pieces)
+    else:
+        raise BagError(f"compression of a chunk must be zstd, lz4 or none, got {compression!r}")
+    if not decompressor.eof:
+        raise BagError("a chunk cannot be unpacked (it ends early)")
 
 
-def _pieces(data: memoryview | Iterator[bytes], size: int) -> Iterator[bytes]:
-    if not isinstance(data, memoryview):
-        yield from data
-        return
-    for start in range(0, len(data), size):
-        yield bytes(data[start : start + size])
-
-
-def _lz4_parts(decompressor: Any, pieces: Iterator[bytes]) -> Iterator[bytes]:
+def parts_unpacked(decompressor: Any, pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """The parts, of 1 MiB at most, that a decompressor of lz4 or bz2 makes of pieces."""
     for piece in pieces:
         while not decompressor.eof:
-            part = decompressor.decompress(piece, max_length=_LZ4_PIECE)
+            part = decompressor.decompress(piece, _PIECE)
             yield part
             piece = b""
             if decompressor.needs_input or not part:

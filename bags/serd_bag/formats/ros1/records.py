@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from serd_bag.damage import DamageLog, State
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, LARGEST_DEFINITION
+from serd_bag.formats.mcap.chunks import parts_unpacked
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.topic import ROS1, ROS1MSG, Channel
 
@@ -177,11 +178,11 @@ def unpacked_chunk(
         raise BagError(f"its compression must be none, bz2 or lz4, got {compression!r}")
     unpacked, fault, end = bytearray(), "", min(at + size, len(block))
     try:
-        while at < end and not decompressor.eof and len(unpacked) < most:
-            unpacked += decompressor.decompress(block[at : at + _PIECE], most - len(unpacked))
-            at += _PIECE
-            while not (decompressor.needs_input or decompressor.eof) and len(unpacked) < most:
-                unpacked += decompressor.decompress(b"", most - len(unpacked))
+        pieces = (block[place : place + _PIECE] for place in range(at, end, _PIECE))
+        for part in parts_unpacked(decompressor, pieces):
+            unpacked += part[: most - len(unpacked)]
+            if len(unpacked) >= most:
+                break
     except (OSError, ValueError, RuntimeError, EOFError) as error:
         fault = str(error).strip().rstrip(".") or type(error).__name__
         if not unpacked:
