@@ -282,7 +282,6 @@ def topic_read(channel: Channel) -> Topic:
 
 
 def _decompressed(data: bytes) -> bytes | None:
-    """The content of one compressed message, None where it is damaged."""
     try:
         if zstandard.frame_content_size(data) > LARGEST_CONTENT:
             return None

@@ -44,14 +44,12 @@ class RecorderSettings:
 class RecorderStatus:
     """What a recorder has done.
 
-    recording: whether it still records; paused: whether it leaves messages out until it is resumed;
-    problem: why recording ended by itself, else empty; counts: messages in the bag by topic;
-    n_lost: messages since it ended, and of the last flush period before; episodes_ended, outcomes:
-    by the marks on the topic `episode`.
+    recording: whether it still records; problem: why recording ended by itself, else empty; counts:
+    messages in the bag by topic; n_lost: messages since it ended, and of the last flush period
+    before; episodes_ended, outcomes: by the marks on the topic `episode`.
     """
 
     recording: bool
-    paused: bool
     problem: str
     counts: dict[str, int]
     n_lost: int
@@ -162,7 +160,6 @@ class BagRecorder:
         """The present status."""
         return RecorderStatus(
             recording=self._recording,
-            paused=self._recording and self.paused,
             problem=self._problem,
             counts=dict(self._writer.counts),
             n_lost=self._n_lost,

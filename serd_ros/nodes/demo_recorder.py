@@ -134,14 +134,11 @@ class Recording(Activity):
         if self._config.snapshot_s:
             most_bytes = round(self._config.snapshot_mb * 1e6)
             self._last = LastSeconds(self._config.snapshot_s, most_bytes)
-        for name, answer in {
-            topics.START_RECORDING: self._on_start,
-            topics.STOP_RECORDING: self._on_stop,
-            topics.PAUSE_RECORDING: self._on_pause,
-            topics.RESUME_RECORDING: self._on_resume,
-            topics.SAVE_SNAPSHOT: self._on_snapshot,
-        }.items():
-            endpoints.serve(Trigger, name, answer)
+        endpoints.serve(Trigger, topics.START_RECORDING, self._on_start)
+        endpoints.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
+        for name, paused in ((topics.PAUSE_RECORDING, True), (topics.RESUME_RECORDING, False)):
+            endpoints.serve(Trigger, name, partial(self._on_pause, paused=paused))
+        endpoints.serve(Trigger, topics.SAVE_SNAPSHOT, self._on_snapshot)
         if self._config.record_at_start:
             self._start()
         endpoints.every(_POLL_PERIOD_S, self._poll)
@@ -274,15 +271,10 @@ class Recording(Activity):
             raise NodeError(recorder.status.problem)
         return f"{recorder.status.n_messages} messages in {recorder.directory}"
 
-    def _on_pause(self, _: Trigger.Request) -> str:
+    def _on_pause(self, _: Trigger.Request, *, paused: bool) -> str:
         recorder = self._present()
-        recorder.paused = True
-        return f"{recorder.status.n_messages} messages in {recorder.directory}, paused"
-
-    def _on_resume(self, _: Trigger.Request) -> str:
-        recorder = self._present()
-        recorder.paused = False
-        return f"recording into {recorder.directory}"
+        recorder.paused = paused
+        return f"{'paused' if paused else 'recording into'} {recorder.directory}"
 
     def _on_snapshot(self, _: Trigger.Request) -> str:
         if self._last is None:
@@ -300,7 +292,7 @@ class Recording(Activity):
             return
         status, silences = self._recorder.status, "; ".join(self._silences())
         values = {
-            "recording": status.recording and not status.paused,
+            "recording": status.recording and not self._recorder.paused,
             "messages": status.n_messages,
             "lost": sum(topic.n_lost for topic in self._topics.values()),
             "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),

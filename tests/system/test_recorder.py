@@ -184,7 +184,7 @@ def test_what_several_publishers_sent_and_the_way_lost_is_counted(record, probe)
             n_sent += 1
 
     def latest(name):
-        values = {each.key: each.value for each in health[-1].values} if health else {}
+        values = {each.key: each.value for status in health[-1:] for each in status.values}
         return int(values.get(name, 0))
 
     def all_are_known():

@@ -24,8 +24,6 @@ _SECOND_NS = 1_000_000_000
 
 @dataclass
 class _Saved:
-    """What was saved of one topic."""
-
     n: int = 0
     doubtful: list[int] = field(default_factory=list)
     per_second: Counter[int] = field(default_factory=Counter)

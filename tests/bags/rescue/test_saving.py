@@ -116,19 +116,6 @@ def test_distro_and_data_of_the_recorder_are_kept(small_bag, tmp_path):
     assert (values["custom_data"], values["ros_distro"]) == ({"place": "hall"}, "iron")
 
 
-def test_one_wrong_bit_of_an_uncompressed_chunk_leaves_no_message_of_it_certain(tmp_path):
-    source = write_file(tmp_path / "a.mcap", rows_of(40), compression=CompressionType.NONE)
-    whole, content = recorded(source), bytearray(source.read_bytes())
-    content[len(content) // 3] ^= 4
-    source.write_bytes(content)
-    certificate = rescue(source, tmp_path / "new")
-    assert not certificate.is_complete
-    found = recorded(tmp_path / "new" / "new_0.mcap")
-    assert len(set(whole) - set(found)) == len(set(found) - set(whole)) == 1
-    kept = rescue(source, tmp_path / "verified", doubtful=False)
-    assert kept.n_messages == len(whole) - certificate.n_doubtful
-
-
 @pytest.mark.parametrize("compression", CompressionType)
 def test_what_a_damaged_chunk_yields_is_saved_and_marked(tmp_path, compression):
     """The messages before the damage are those that were recorded, bit for bit."""

@@ -129,7 +129,6 @@ class DataSection:
         self._offset = self._limit
 
     def _check_beginning(self) -> int:
-        """Where the records begin."""
         head = self._window.read(0, MAGIC_SIZE + 1)
         magic, opcode = head[:MAGIC_SIZE], head[MAGIC_SIZE:]
         if not head:
@@ -470,7 +469,6 @@ def _blocks_of_records(
 
 
 def _end_of_records(block: bytes, place: int, stop: int) -> int:
-    """Where the last whole record from `place` on ends."""
     while place + RECORD_HEAD.size <= stop:
         opcode, length = RECORD_HEAD.unpack_from(block, place)
         if not opcode or place + RECORD_HEAD.size + length > stop:

@@ -366,7 +366,6 @@ class Walk:
         return None
 
     def _keep(self, place: int, record: Record) -> None:
-        """Keep a record that is neither chunk nor message."""
         if record.kind == BAG_HEADER:
             self._header = record
             if encryptor := record.fields.get(b"encryptor"):
@@ -403,7 +402,6 @@ class Walk:
         return index if index > start and self._is_index(index) else self._window.size
 
     def _is_index(self, offset: int) -> bool:
-        """Whether the index of the file stands there."""
         while offset < self._window.size:
             record = self._record_or_none(offset)
             if record is None or record.kind not in (CONNECTION, CHUNK_INFO):
@@ -413,5 +411,4 @@ class Walk:
 
 
 def _number(record: Record, name: bytes) -> int:
-    """Return the number in a field, and 0 if there is none."""
     return int.from_bytes(record.fields.get(name, b""), "little")

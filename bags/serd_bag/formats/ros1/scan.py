@@ -128,7 +128,6 @@ class Ros1Scan(FileScan):
             )
 
     def _take_counts(self) -> None:
-        """Take the messages of each topic that the index counts."""
         self.is_cut = not self._index.counts
         for counts in self._index.counts.values():
             for number, count in counts.items():
@@ -150,7 +149,6 @@ class Ros1Scan(FileScan):
         return not self._index.log and not any(self._index.faults())
 
     def _messages_of(self, part: Part, window: FileWindow) -> Iterator[_Found]:
-        """Yield the messages of a chunk, or the one outside of chunks."""
         place, record, entries = part
         size = min(record.end, window.size) - record.start
         try:

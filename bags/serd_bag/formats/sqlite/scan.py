@@ -118,23 +118,18 @@ class SqliteScan(FileScan):
                         n_unknown += 1
             for number, count in n_read.items():
                 self.counts[known[number].topic] += count
-            if not fault:
-                self._compare_with_index(database, self.counts.total() + n_unknown)
+            n_found = self.counts.total() + n_unknown
+            n_indexed = None if fault else _n_indexed(database)
+            if n_indexed not in (None, n_found):
+                what = f"its index of times lists {n_indexed} messages, {n_found} are readable"
+                self.log.note(None, what)
         self.n_left_out = n_unknown
         if n_unknown:
             self.log.note(
                 None, f"{n_unknown} messages have lost their topic, their time or their content"
             )
 
-    def _compare_with_index(self, database: sqlite3.Connection, n_found: int) -> None:
-        n_indexed = _n_indexed(database)
-        if n_indexed is not None and n_indexed != n_found:
-            self.log.note(
-                None, f"its index of times lists {n_indexed} messages, {n_found} are readable"
-            )
-
     def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
-        """Rows of messages in the order of recording."""
         data = "data"
         if self.path.stat().st_size > LARGEST_MESSAGE:
             data = f"CASE WHEN length(data) <= {LARGEST_MESSAGE} THEN data END"
@@ -271,7 +266,6 @@ def _channel(
 
 
 def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Channel]]:
-    """The topic that a row describes, if it describes one."""
     match row:
         case (None, str(name), str(type_name), str(encoding), *rest) if name.startswith("/"):
             qos, type_hash = [*(str(each) for each in rest), "", ""][:2]
