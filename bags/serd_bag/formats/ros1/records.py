@@ -239,6 +239,7 @@ class Walk:
         self._window = window
         self._header: Record | None = None
         self._index_start: int | None = None
+        self._latest: tuple[int, Record] | None = None
 
     def parts(self) -> Iterator[Part]:
         """All chunks and messages in the order of the file."""
@@ -309,7 +310,12 @@ class Walk:
         return found.end() if found else size
 
     def _record(self, offset: int) -> Record:
-        """Read the record there; raises BagError if none begins or one but a chunk is cut off."""
+        """The record there, read once; BagError if none begins, or one but a chunk is cut off."""
+        if self._latest is None or self._latest[0] != offset:
+            self._latest = offset, self._read(offset)
+        return self._latest[1]
+
+    def _read(self, offset: int) -> Record:
         head = self._window.read(offset, LONGEST_CHUNK_HEAD)
         if len(head) < _SIZE.size:
             raise BagError("a record is cut off")
