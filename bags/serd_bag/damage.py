@@ -103,7 +103,8 @@ class FileScan:
     expected, expected_of: number of messages by the end of the file, of all and by topic, None
     where it has no count; is_cut: whether its end is missing. has_checksums: whether all messages
     have them; copied: (offset, length) of each sound attachment and metadata record; is_doubtful:
-    whether the record that was given last is of a damaged part.
+    whether the record that was given last is of a damaged part. log: faults; marks: bytes of the
+    part that were not read, or not all of them.
     """
 
     has_checksums = False
@@ -120,30 +121,20 @@ class FileScan:
         self.copied: list[tuple[int, int]] = []
         self.is_doubtful = False
         self.log = DamageLog(path, start)
-        self._spans: list[Span] = []
-
-    @property
-    def damage(self) -> list[Damage]:
-        """Each kind of fault that was found."""
-        return self.log.damage
+        self.marks: list[Span] = []
 
     @property
     def spans(self) -> list[Span]:
         """All bytes of the part, in order, by their places in the file."""
         size = self.path.stat().st_size if self.end is None else self.end
         spans, place = [], self.start
-        for span in sorted(self._spans, key=lambda each: each.start):
+        for span in sorted(self.marks, key=lambda each: each.start):
             start, end = max(place, span.start + self.start), min(size, span.end + self.start)
             if end > start:
                 spans += [Span(place, start, "read")] if start > place else []
                 spans.append(Span(start, end, span.state, span.reason))
                 place = end
         return [*spans, Span(place, size, "read")] if place < size else spans
-
-    @property
-    def marks(self) -> Sequence[Span]:
-        """What was not read so far, by places in the part."""
-        return self._spans
 
     def metadata(self) -> list[tuple[str, dict[str, str]]]:
         """Names and values of metadata records, as MCAP files have them."""
@@ -169,14 +160,10 @@ class FileScan:
         with disk_errors("read", self.path, BagError), self.path.open("rb", buffering=0) as stream:
             yield FileWindow(stream, self.start, self.end)
 
-    def _note(self, what: str) -> None:
-        """Add a fault that concerns the whole file."""
-        self.log.note(None, what)
-
     def mark(self, start: int, end: int, state: State, reason: str) -> None:
         """Note that these bytes of the part were not read, or not all of them."""
-        if len(self._spans) < _MOST_SPANS:
-            self._spans.append(Span(start, end, state, reason))
+        if len(self.marks) < _MOST_SPANS:
+            self.marks.append(Span(start, end, state, reason))
 
 
 @dataclass(frozen=True)

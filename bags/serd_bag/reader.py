@@ -42,6 +42,9 @@ _PIECE = 1024
 #: A compressed message begins with these bytes, an uncompressed CDR message with a zero.
 _COMPRESSED = zstandard.FRAME_HEADER
 _MAKE = tuple.__new__
+#: Name of the MCAP metadata record of a recorder that was paused, and its values: the log times of
+#: the last message before and of the first one after the pause.
+PAUSE, AFTER_NS, BEFORE_NS = "serd_bag_pause", "after_ns", "before_ns"
 
 
 class BagReader:
@@ -152,11 +155,21 @@ class BagReader:
             found = scan.records(wanted, doubtful=doubtful)
             yield scan, _unpacked_records(scan, found) if self._packs_messages else found
             self.has_checksums &= scan.has_checksums
-            self._report(scan.damage, file)
+            self._report(scan.log.damage, file)
         self.losses = losses(self.layout, self.scans)
         counts = sum((scan.counts for _, scan in self.scans), Counter())
         missing = [] if self.damage else missing_messages(self.layout, counts)
         self._report([Damage(self.path, None, what) for what in missing])
+
+    @property
+    def pauses_ns(self) -> list[tuple[int, int]]:
+        """Log times of the last message before each pause of the recorder, and of the first one
+        after it; complete once all messages were read."""
+        records = [each for _, scan in self.scans for each in scan.metadata()]
+        pairs = [
+            (v.get(AFTER_NS, ""), v.get(BEFORE_NS, "")) for name, v in records if name == PAUSE
+        ]
+        return [(int(one), int(two)) for one, two in pairs if f"{one}{two}".isdecimal()]
 
     @property
     def channels(self) -> list[Channel]:
@@ -183,7 +196,7 @@ class BagReader:
                 self.profile = scan.profile
             yield from scan.channels()
             if not self.tolerant:
-                self._report(scan.damage, file)
+                self._report(scan.log.damage, file)
 
     def _scans(self) -> Iterator[tuple[Path, FileScan]]:
         """Each file of the bag, or recording in a file, and what reads it."""
@@ -269,7 +282,6 @@ def topic_read(channel: Channel) -> Topic:
 
 
 def _decompressed(data: bytes) -> bytes | None:
-    """The content of one compressed message, None where it is damaged."""
     try:
         if zstandard.frame_content_size(data) > LARGEST_CONTENT:
             return None

@@ -15,13 +15,13 @@ from typing import Any
 from serd_bag.damage import FileScan
 from serd_bag.errors import BagError, FileError, disk_errors
 from serd_bag.files import atomic_write_text
+from serd_bag.formats.limits import flow_yaml_text, yaml_text
 from serd_bag.formats.mcap.writer import Compression, McapWriter
 from serd_bag.formats.rosbag2.layout import (
     FILE_NAME,
     ROOT_KEY,
     FileSpan,
     bag_metadata,
-    metadata_text,
 )
 from serd_bag.formats.rosbag2.qos import RELIABLE, QosProfile
 from serd_bag.nearest import hint
@@ -149,7 +149,11 @@ class BagWriter:
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Append a metadata record to the present file."""
-        self._file.add_metadata(name, values)
+        try:
+            self._file.add_metadata(name, values)
+        except BagError:
+            self.failed = True
+            raise
 
     def start_file(self, profile: str) -> None:
         """End the present file and begin the next one."""
@@ -193,19 +197,15 @@ class BagWriter:
         try:
             if self._file.is_open:
                 self._finish_file()
-            text = metadata_text({ROOT_KEY: self._metadata(self._finished)})
+            text = yaml_text({ROOT_KEY: self._metadata(self._finished)})
             atomic_write_text(self.directory / FILE_NAME, text)
         except FileError:
             self.failed = True
-            self.abandon()
+            self._abandon()
             raise
 
-    def abandon(self) -> None:
-        """Close without a summary, as after a crash: for a disk on which writes fail.
-
-        Afterwards `counts` holds the messages that are on the disk.
-        """
-        self._closed = True
+    def _abandon(self) -> None:
+        """Close without a summary, as after a crash; `counts` are then those on the disk."""
         unwritten = self._file.unwritten if self._file.is_open else {}
         for channel, number in self._channels.items():
             self.counts[channel.topic] -= unwritten.get(number, 0)
@@ -228,9 +228,8 @@ class BagWriter:
     def _finish_file(self) -> None:
         self._file.flush()
         files = [*self._finished, self._file.span]
-        self._file.finish(
-            ROS2_RECORD, {"serialized_metadata": metadata_text(self._metadata(files))}
-        )
+        text = flow_yaml_text(self._metadata(files))
+        self._file.finish(ROS2_RECORD, {"serialized_metadata": text})
         self._finished = files
 
     def _metadata(self, files: list[FileSpan]) -> dict[str, object]:

@@ -191,6 +191,28 @@ def spans_of_marks(
     return tuple(span for _, span in found.closed)
 
 
+def without_pauses(
+    spans: Iterable[EpisodeSpan], pose_time_s: FloatArray, pauses_s: FloatArray
+) -> tuple[EpisodeSpan, ...]:
+    """The episodes, each in two where the recorder was paused: nobody knows what was driven and
+    commanded then. pauses_s: (P,) times on the clock of the poses.
+
+    What follows the pause belongs to the episode where its end is recorded.
+    """
+    found = list(spans)
+    for after in filter(None, np.searchsorted(pose_time_s, pauses_s)):
+        until_s, from_s = pose_time_s[after - 1], pose_time_s[after : after + 1]
+        for row, span in enumerate(found):
+            if span.demonstrates and span.start_s <= until_s and (from_s <= span.end_s).all():
+                found[row] = replace(span, end_s=float(until_s), outcome=CUT_OFF)
+                if len(from_s) and span.outcome != CUT_OFF:
+                    number = 1 + max(each.number for each in found)
+                    rest = replace(span, number=number, start_s=float(from_s[0]))
+                    found.insert(row + 1, rest)
+                break
+    return tuple(found)
+
+
 class _Spans:
     """closed: the number that was marked, and the episode."""
 

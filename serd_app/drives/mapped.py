@@ -20,9 +20,11 @@ from serd_app.drives.drive import (
     marks_of,
     source_of,
     spans_of_marks,
+    without_pauses,
 )
 from serd_app.drives.fields import POSES, FieldReader, field_reader
 from serd_app.drives.mapping import BagMapping, unmarked_spans, usual_gap_s
+from serd_app.drives.sessions import paused_s
 from serd_app.drives.transforms import TF_TYPES, RecordedTransforms, matrices_of, plain_name, planar
 from serd_bag.errors import BagError
 from serd_bag.messages.times import TimesOnClock, agrees, falls_back_s, placed_s
@@ -49,7 +51,7 @@ def mapped_drive_in(reader: BagReader, mapping: BagMapping) -> RecordedDrive:
     collected = mapped_messages(reader.topics, mapping, source_of(reader.path))
     for message in reader.messages(collected.topics & set(reader.topics)):
         collected.take(message)
-    return collected.drive()
+    return collected.drive(paused_s(reader))
 
 
 def mapped_messages(
@@ -100,11 +102,14 @@ class MappedMessages:
             log_s = message.log_time_ns / 1e9
             self.marks.extend((log_s, mark) for mark in marks_of(message.data))
 
-    def drive(self) -> RecordedDrive:
-        """The drive of all messages so far."""
+    def drive(self, paused_log_s: FloatArray | None = None) -> RecordedDrive:
+        """The drive of all messages so far; paused_log_s: (P,) when the recorder was paused."""
         mapping, track = self.mapping, self.poses.track(self.mapping)
         longest_gap_s = mapping.longest_gap_s or self.poses.usual_gap_s
         spans, cuts = self._spans(track, longest_gap_s)
+        if paused_log_s is not None:
+            pauses_s = track.placed(paused_log_s, np.zeros_like(paused_log_s))
+            spans = without_pauses(spans, track.time_s, pauses_s)
         if self.actions is None:
             intents = posed_intents(mapping, track, spans)
         else:

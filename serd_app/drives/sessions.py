@@ -24,6 +24,7 @@ from serd_app.drives.drive import (
     marks_of,
     source_of,
     spans_of_marks,
+    without_pauses,
 )
 from serd_bag.errors import BagError
 from serd_bag.messages.plain import decode, message_stamp_ns, pose_position
@@ -31,6 +32,8 @@ from serd_bag.messages.times import RESTART_NS, TimesOnClock, agrees, placed_s
 from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, topic_named
 from serd_core.arrays import FloatArray
+
+_NO_PAUSES = np.zeros(0)
 
 
 class Session:
@@ -45,7 +48,7 @@ class Session:
         self.marks: list[EpisodeMark] = []
         self.newest_pose_ns = self.newest_end_ns = 0
 
-    def drive(self) -> RecordedDrive:
+    def drive(self, pauses_s: FloatArray = _NO_PAUSES) -> RecordedDrive:
         """Everything so far; BagError where there are poses and none is finite."""
         rows = np.array(self.poses).reshape(-1, 3)
         finite = finite_poses(rows, self._source)
@@ -53,12 +56,13 @@ class Session:
         intent = _unique(np.array(self.intents).reshape(-1, 3))
         clear = np.isfinite(intent).all(axis=1)
         n_unclear = int((~clear).sum())
+        spans = spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S)
         return RecordedDrive(
             pose_time_s=pose[:, 0],
             position_m=pose[:, 1:],
             intent_time_s=intent[clear, 0],
             intent_action=actions_of_directions(intent[clear, 1:]),
-            episodes=spans_of_marks(self.marks, pose[:, 0], LONGEST_GAP_S),
+            episodes=without_pauses(spans, pose[:, 0], pauses_s),
             source=self._source,
             n_bad_poses=len(rows) - len(finite),
             dropped={NOT_FINITE: n_unclear} if n_unclear else {},
@@ -175,10 +179,19 @@ def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
     n_faults = len(reader.damage)
     found = _sessions_in(reader, kinds, noted)
     in_s = {kind: (np.array(rows).reshape(-1, 2) / 1e9).T for kind, rows in times.items()}
-    if not _stamps_agree(in_s):
+    pauses_s, (log_s, stamp_s) = paused_s(reader), in_s[POSE]
+    if _stamps_agree(in_s):
+        pauses_s = TimesOnClock(log_s[stamp_s > 0], stamp_s[stamp_s > 0]).of(pauses_s)
+    else:
         del reader.damage[n_faults:]  # it is found again
         found = _sessions_in(reader, kinds, lambda _, message: message.log_time_ns)
-    return tuple(session.drive() for session in found)
+    return tuple(session.drive(pauses_s) for session in found)
+
+
+def paused_s(reader: BagReader) -> FloatArray:
+    """(P,) log times in the middle of the pauses of the recorder, once all messages were read."""
+    pauses_ns = np.array(reader.pauses_ns, dtype=np.float64).reshape(-1, 2)
+    return np.asarray(pauses_ns.mean(axis=1) / 1e9)
 
 
 def _sessions_in(

@@ -17,6 +17,8 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.event_handler import EventHandler, QoSSubscriptionEventType
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
@@ -60,7 +62,8 @@ class FollowedTopic:
 
     name: in full; take: called with each message; topic: by which bad ones are counted, the name
     when empty; offered: by the publishers there were when it subscribed; n_lost: messages that the
-    middleware did not deliver, by the numbers that a publisher gives, where there is only one.
+    middleware did not deliver, by the numbers that a publisher gives where there is only one, else
+    those that the middleware reports, which are lost on the way and not in a full queue.
     """
 
     def __init__(
@@ -75,6 +78,7 @@ class FollowedTopic:
         self.offered: tuple[QoSProfile, ...] = ()
         self.n_lost, self._last, self._has_one = 0, 0, False
         self._others: list[str] = []
+        self._reported: LostMessages | None = None
         self._endpoints, self.take = endpoints, endpoints.guarded(topic or name, take)
         self._subscription: Subscription | None = None
         if kind.qos is not None:
@@ -92,6 +96,7 @@ class FollowedTopic:
         self._has_one = len(found) == 1
         offered = [each.qos_profile for each in found if each.topic_type == self.kind.name]
         self._others = [] if offered else sorted({each.topic_type for each in found})
+        self._take_reported(several=len(found) > 1)
         if not offered:
             return False
         if self._subscription is None:
@@ -106,6 +111,15 @@ class FollowedTopic:
             self._endpoints.end(each, self._take_received)
             self._last = 0  # two subscriptions have counted
         return False
+
+    def _take_reported(self, *, several: bool) -> None:
+        subscription, reported = self._subscription, self._reported
+        if subscription is None or not (several or reported):
+            return
+        if reported is None or reported.subscription is not subscription:
+            self._reported = LostMessages(subscription)
+        elif (n_lost := reported.take()) and several:
+            self.n_lost += n_lost
 
     @property
     def silence(self) -> str:
@@ -137,6 +151,29 @@ class FollowedTopic:
         return self._endpoints.subscribe_raw(
             self.kind.message, self.name, self._take_received, profile
         )
+
+
+class LostMessages(EventHandler):
+    """Counts what the middleware reports as lost to a subscription, from now on.
+
+    It is asked and not called back: an event that waits in EventsExecutor when its subscription is
+    destroyed would end that.
+    """
+
+    def __init__(self, subscription: Subscription) -> None:
+        super().__init__(
+            callback_group=ReentrantCallbackGroup(),
+            callback=None,
+            event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST,
+            parent_impl=subscription.handle,
+        )
+        self.subscription = subscription
+        self.take()
+
+    def take(self) -> int:
+        """How many since the last time."""
+        self._ready_to_take_data = True
+        return int(self.take_data().total_count_change)
 
 
 def follow_transforms(endpoints: Endpoints, on_change: Callable[[], None] = lambda: None) -> None:

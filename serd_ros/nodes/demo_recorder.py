@@ -16,15 +16,16 @@ from pathlib import Path
 from std_srvs.srv import Trigger
 
 from serd_bag.errors import BagError
+from serd_bag.formats.rosbag2.qos import QosProfile
 from serd_bag.messages.plain import message_stamp_ns
 from serd_bag.messages.times import RecordingClock
-from serd_bag.recorder import BagRecorder, RecorderSettings
+from serd_bag.recorder import BagRecorder, LastSeconds, RecorderSettings
 from serd_files.settings import setting, setting_of
 from serd_ros.convert.diagnostics import ERROR, OK, WARN
 from serd_ros.convert.stamp import require_time
 from serd_ros.endpoints import topics
 from serd_ros.endpoints.followed_topic import FollowedTopic, Received
-from serd_ros.endpoints.qos import bag_qos
+from serd_ros.endpoints.qos import bag_qos, is_latched
 from serd_ros.endpoints.topic_types import TopicType, named_topic
 from serd_ros.errors import MessageError, NodeError
 from serd_ros.process.serd_node import Activate, Activity, Endpoints, SerdNode
@@ -62,6 +63,13 @@ class DemoRecorderConfig(ManagedConfig):
     stamped_cmd_vel: bool = setting_of(StackConfig, "stamped_cmd_vel")
     record_at_start: bool = setting(True, "record at once, without start_recording")
     minimum_free_mb: float = setting(100.0, "end when less disk is free", unit="MB", ge=0)
+    snapshot_s: float = setting(
+        0.0,
+        "keep messages so long in memory, recorded or not, for save_snapshot; 0: none",
+        unit="s",
+        ge=0,
+    )
+    snapshot_mb: float = setting(100.0, "memory for these, at most", unit="MB", gt=0)
 
 
 def _compiled(expressions: Iterable[str]) -> list[Expression]:
@@ -70,6 +78,11 @@ def _compiled(expressions: Iterable[str]) -> list[Expression]:
     except re.error as error:
         rule = f"topics must be names or regular expressions, got {error.pattern!r} ({error})"
         raise NodeError(f"{rule}; correct it") from None
+
+
+def _described(topic: FollowedTopic) -> tuple[str, str, tuple[QosProfile, ...]]:
+    """Name, type and quality of service."""
+    return topic.name, topic.kind.name, tuple(dict.fromkeys(map(bag_qos, topic.offered)))
 
 
 class DemoRecorderNode(SerdNode[DemoRecorderConfig]):
@@ -117,8 +130,15 @@ class Recording(Activity):
             name: FollowedTopic(endpoints, name, kind, self._take) for name, kind in kinds.items()
         }
         self._recorder: BagRecorder | None = None
+        self._last: LastSeconds | None = None
+        if self._config.snapshot_s:
+            most_bytes = round(self._config.snapshot_mb * 1e6)
+            self._last = LastSeconds(self._config.snapshot_s, most_bytes)
         endpoints.serve(Trigger, topics.START_RECORDING, self._on_start)
         endpoints.serve(Trigger, topics.STOP_RECORDING, self._on_stop)
+        for name, paused in ((topics.PAUSE_RECORDING, True), (topics.RESUME_RECORDING, False)):
+            endpoints.serve(Trigger, name, partial(self._on_pause, paused=paused))
+        endpoints.serve(Trigger, topics.SAVE_SNAPSHOT, self._on_snapshot)
         if self._config.record_at_start:
             self._start()
         endpoints.every(_POLL_PERIOD_S, self._poll)
@@ -164,6 +184,9 @@ class Recording(Activity):
         times_ns = self._recording_clock.times_ns(
             stamp_ns, message.received_ns, message.sent_ns, is_clock=name == self._clock_topic
         )
+        if self._last is not None:
+            lasting = any(map(is_latched, self._topics[name].offered))
+            self._last.take(name, message.data, *times_ns, lasting=lasting)
         recorder = self._recorder
         if recorder is not None and not recorder.record(name, message.data, *times_ns):
             self._end_with_the_problem(recorder)
@@ -201,13 +224,8 @@ class Recording(Activity):
 
     def _look_at(self, followed: Iterable[FollowedTopic]) -> None:
         for topic in followed:
-            if topic.look():
-                self._declare(topic)
-
-    def _declare(self, topic: FollowedTopic) -> None:
-        if self._recorder is not None and topic.is_subscribed:
-            offered = tuple(dict.fromkeys(map(bag_qos, topic.offered)))
-            self._recorder.add_topic(topic.name, topic.kind.name, offered)
+            if topic.look() and self._recorder is not None:
+                self._recorder.add_topic(*_described(topic))
 
     def _end_with_the_problem(self, recorder: BagRecorder) -> None:
         """The bag is kept and closed; the process ends, and with it the stack and the drive."""
@@ -226,25 +244,46 @@ class Recording(Activity):
         self._bags.append(folder)
         if self._recording_clock is not None and not self._recording_clock.simulated:
             self._recording_clock = None
-        for topic in self._topics.values():
-            self._declare(topic)
+        for description in self._known_topics():
+            self._recorder.add_topic(*description)
         return folder
+
+    def _known_topics(self) -> list[tuple[str, str, tuple[QosProfile, ...]]]:
+        return [_described(topic) for topic in self._topics.values() if topic.is_subscribed]
 
     def _on_start(self, _: Trigger.Request) -> str:
         if self._recorder is not None:
             raise NodeError(f"recording into {self._recorder.directory}")
+        self._record_what_waits()
         return f"recording into {self._start()}"
 
-    def _on_stop(self, _: Trigger.Request) -> str:
-        """What came in before the call is in the bag."""
-        recorder = self._recorder
-        if recorder is None:
-            raise NodeError("nothing is being recorded")
+    def _present(self) -> BagRecorder:
+        """The recorder, once it has what came in before the call."""
         self._record_what_waits()
+        if self._recorder is None:
+            raise NodeError("nothing is being recorded")
+        return self._recorder
+
+    def _on_stop(self, _: Trigger.Request) -> str:
+        recorder = self._present()
         self._finish_bag()
         if recorder.status.problem:
             raise NodeError(recorder.status.problem)
         return f"{recorder.status.n_messages} messages in {recorder.directory}"
+
+    def _on_pause(self, _: Trigger.Request, *, paused: bool) -> str:
+        recorder = self._present()
+        recorder.paused = paused
+        return f"{'paused' if paused else 'recording into'} {recorder.directory}"
+
+    def _on_snapshot(self, _: Trigger.Request) -> str:
+        if self._last is None:
+            raise NodeError("snapshot_s must be above 0 to save snapshots, got 0; set it")
+        self._record_what_waits()
+        output = Path(self._config.output)
+        names = (output.with_name(f"{output.name}-snapshot-{number}") for number in count(1))
+        folder = next(name for name in names if not name.exists())
+        return f"{self._last.save(folder, self._known_topics())} messages in {folder}"
 
     def _report(self) -> None:
         self._find()
@@ -253,7 +292,7 @@ class Recording(Activity):
             return
         status, silences = self._recorder.status, "; ".join(self._silences())
         values = {
-            "recording": status.recording,
+            "recording": status.recording and not self._recorder.paused,
             "messages": status.n_messages,
             "lost": sum(topic.n_lost for topic in self._topics.values()),
             "episodes": status.episodes_ended - status.outcomes.get("discarded", 0),

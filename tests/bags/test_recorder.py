@@ -8,7 +8,7 @@ import pytest
 
 from serd_bag.errors import BagError
 from serd_bag.reader import BagReader
-from serd_bag.recorder import BagRecorder, RecorderSettings
+from serd_bag.recorder import BagRecorder, LastSeconds, RecorderSettings
 from support.bag_messages import DIAGNOSTICS, POSE
 
 
@@ -113,3 +113,25 @@ def test_files_are_split_by_size(tmp_path, clock, messages):
     assert len(sizes) > 2
     assert max(sizes) < 40_000
     assert len(list(BagReader(tmp_path / "bag").messages())) == 300
+
+
+def test_a_snapshot_holds_what_is_neither_older_nor_larger_than_asked_for(tmp_path, clock):
+    """A lasting message, as a map, stays until the bytes are too many."""
+    last = LastSeconds(10.0, 50_000, clock=clock)
+
+    def saved(name):
+        last.save(tmp_path / name, [(topic, POSE, ()) for topic in ("/map", "/odom")])
+        return [(each.data[0], each.log_time_ns) for each in BagReader(tmp_path / name).messages()]
+
+    last.take("/map", bytes([0]), 0, 0, lasting=True)
+    for number in range(1, 31):
+        clock.now_s = float(number)
+        last.take("/odom", bytes([number]), number, number)
+    assert saved("all") == [(0, 20), *((number, number) for number in range(20, 31))]
+    clock.now_s = 45.0
+    assert saved("map") == [(0, 0)]
+    for number in range(100):
+        last.take("/odom", bytes([number] * 10_000), number, number)
+    assert saved("large") == [(0, 96), *((number, number) for number in range(96, 100))]
+    last.take("/map", bytes(60_000), 1, 1, lasting=True)
+    assert saved("none") == []

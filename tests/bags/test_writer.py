@@ -10,6 +10,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
 from serd_bag.errors import BagError
+from serd_bag.formats.limits import flow_yaml_text, yaml_values
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.formats.rosbag2.qos import QosProfile
 from serd_bag.reader import BagReader
@@ -54,6 +55,12 @@ def test_the_reader_of_mcap_finds_indexes_statistics_and_sound_checksums(small_b
         assert record.name == "rosbag2"
         inner = yaml.safe_load(record.metadata["serialized_metadata"])
         assert inner["message_count"] == 69
+
+
+def test_yaml_on_one_line_keeps_every_character():
+    odd = "".join(map(chr, [*range(0x300), 0x2028, 0xFEFF, 0xFFFE, 0x1F600]))
+    values = {"name": odd, "more": [odd, 1, None, True, 0.5]}
+    assert yaml_values(flow_yaml_text(values)) == yaml.safe_load(flow_yaml_text(values)) == values
 
 
 def test_metadata_is_that_of_version_9(small_bag):

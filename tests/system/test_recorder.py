@@ -170,6 +170,38 @@ def test_topics_of_another_robot_are_recorded_with_what_their_publishers_offer(
         assert words in log
 
 
+def test_what_several_publishers_sent_and_the_way_lost_is_counted(record, probe):
+    """The recorder does not empty its socket while it is stopped."""
+    health = probe.health()
+    recording = record("/text:std_msgs/msg/String")
+    texts = [recording.publisher(String, "/text", qos.SENSOR) for _ in range(2)]
+    n_sent = 0
+
+    def send(n_bytes):
+        nonlocal n_sent
+        for each in texts:
+            each.publish(String(data="x" * n_bytes))
+            n_sent += 1
+
+    def latest(name):
+        values = {each.key: each.value for status in health[-1:] for each in status.values}
+        return int(values.get(name, 0))
+
+    def all_are_known():
+        send(1)
+        time.sleep(0.05)
+        return latest("lost") and latest("messages") + latest("lost") >= n_sent - 100
+
+    probe.spin_until(lambda: send(1) or latest("messages") > 10)
+    recording.process.send_signal(signal.SIGSTOP)
+    for _ in range(200):
+        send(100_000)
+    recording.process.send_signal(signal.SIGCONT)
+    probe.spin_until(all_are_known)
+    assert recording.end() == 0
+    assert len(list(BagReader(recording.bag).messages())) + latest("lost") == n_sent
+
+
 TOPICS = [f"/pose_{number}" for number in range(5)]
 PERIOD_S, N_ROUNDS, MOST_LOST_S = 0.04, 40, 0.5
 

@@ -213,7 +213,6 @@ _PAGES: dict[str, Callable[[Any], Iterator[Page]]] = {
 
 
 def _outputs(given: Any, ending: str) -> list[tuple[Path, Path]]:
-    """Each bag with the folder of the new one."""
     if given.output is not None and len(given.bags) > 1:
         raise BagError(f"--output must be left out for several bags, got {given.output}; run each")
     return [(bag, given.output or beside(bag, ending)) for bag in given.bags]

@@ -15,8 +15,8 @@ COMMANDS = {
     "info": (
         "sizes json",
         "show what bags hold",
-        "Sound MCAP files are not read but for their summaries. Other and damaged ones are read"
-        " too, and their faults are listed.",
+        "Of sound files only summaries and indexes are read. Other files are read completely, and"
+        " their faults are listed.",
     ),
     "check": ("require json", "read bags completely and list their faults", ""),
     "convert": (

@@ -6,6 +6,8 @@ records, are bounded by its size, with ample room for real recordings. YAML of a
 references, which can repeat without end.
 """
 
+import json
+import re
 from typing import Any
 
 import yaml
@@ -22,8 +24,8 @@ MOST_DEFINITIONS = 32 << 20
 #: Lines in which the faults of a bag are reported.
 MOST_FAULTS = 20
 MOST_FAULTS_OF_A_FILE = 12
-#: Of messages that are left out: no bag can hold such times.
-WRONG_TIMES = "messages have times outside of 0 to 2^63-1 ns"
+#: Of JSON, what YAML takes for a line break or does not allow.
+_ESCAPED = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
 _LONGEST_YAML, _DEEPEST = 4 << 20, 20
 _Loader = yaml.CSafeLoader if yaml.__with_libyaml__ else yaml.SafeLoader
 
@@ -37,6 +39,12 @@ def yaml_text(values: Any) -> str:
     """YAML without references, keys in their order."""
     text: str = yaml.dump(values, Dumper=_Dumper, sort_keys=False, default_flow_style=False)
     return text
+
+
+def flow_yaml_text(values: Any) -> str:
+    """YAML on one line, as JSON: a tenth of the time, while messages of a recorder wait."""
+    text = json.dumps(values, ensure_ascii=False, default=str)
+    return _ESCAPED.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def most_unpacked(file_size: int) -> int:

@@ -8,10 +8,11 @@ from serd_bag.damage import FileScan, missing_messages
 from serd_bag.formats.mcap.scan import McapScan
 from serd_bag.formats.ros1.scan import Ros1Scan
 from serd_bag.formats.rosbag2.layout import bag_layout
+from serd_bag.formats.sqlite.scan import SqliteScan
 from serd_bag.reader import BagReader
 
 #: Of files that state their contents.
-_SCANS: dict[str, type[FileScan]] = {".mcap": McapScan, ".bag": Ros1Scan}
+_SCANS: dict[str, type[FileScan]] = {".mcap": McapScan, ".bag": Ros1Scan, ".db3": SqliteScan}
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class BagContents:
 
 
 def contents_of_bag(path: str | Path, *, sizes: bool = False) -> BagContents:
-    """What a bag holds; sqlite3 bags, damaged ones and those without summary or index are read.
+    """What a bag holds; damaged bags and those without summary or index are read.
 
     sizes: read any bag for the bytes of each topic. Raises BagError where there is no bag.
     """

@@ -47,7 +47,12 @@ class StampFinder:
     def __init__(self, topic: Topic, *, inner: bool = False) -> None:
         self._is_ros1, self._inner = topic.encoding == ROS1, inner
         self._head = 0 if self._is_ros1 else CDR_HEAD
-        self._fields: dict[str, list[tuple[str, Any]]] = {}
+        #: whether it has a header, and the fields, of each type
+        self._fields: dict[str, tuple[bool, list[tuple[str, Any]]]] = {}
+        self._orders = [
+            (struct.Struct(f"{order}I"), struct.Struct(order + ("II" if self._is_ros1 else "iI")))
+            for order in "><"
+        ]
         self._kind: tuple[Nodetype, Any] = (Nodetype.NAME, normalize_msgtype(topic.type_name))
         try:
             types = store_of(topic).fielddefs if topic.encoding in (CDR, ROS1) else {}
@@ -55,21 +60,20 @@ class StampFinder:
             types = {}
         for name, (_, fields) in types.items():
             is_none = self._is_ros1 and [each[0] for each in fields] == [_NO_FIELD]
-            self._fields[name] = [] if is_none else list(fields)
-        if not any(_HEADER in (kind, self._kind) for each in types for _, kind in types[each][1]):
+            is_stamped = any(kind == _HEADER for _, kind in fields)
+            self._fields[name] = is_stamped, [] if is_none else list(fields)
+        if self._kind != _HEADER and not any(is_stamped for is_stamped, _ in self._fields.values()):
             self._fields = {}
-        own = self._fields.get(self._kind[1], [])
+        is_stamped, own = self._fields.get(self._kind[1], (False, []))
         wanted = [at for at, (field, kind) in enumerate(own) if kind == _HEADER or field == _CHILD]
-        if not inner and _HEADER in [kind for _, kind in own]:
+        if is_stamped and not inner:
             del own[wanted[-1] + 1 :]
 
     def __call__(self, data: bytes) -> list[Stamp]:
         """The stamps of a message; none where it does not fit its definition."""
         found: list[Stamp] = []
         if self._fields and (self._is_ros1 or data[:2] in (b"\0\0", b"\0\1")):
-            order = "<" if self._is_ros1 or data[1] else ">"
-            self._number = struct.Struct(order + "I")
-            self._time = struct.Struct(order + ("II" if self._is_ros1 else "iI"))
+            self._number, self._time = self._orders[self._is_ros1 or data[1]]
             self._data, self._found, self._n_left = data, found, len(data) + _MOST_EMPTY
             try:
                 end = self._passed(self._kind, self._head, is_inner=False)
@@ -87,7 +91,7 @@ class StampFinder:
         """Where a field ends; stamps in it are collected."""
         node, detail = kind
         if kind == _HEADER:
-            return self._message([("header", kind)], place, is_inner)
+            return self._message((True, [("header", kind)]), place, is_inner)
         if node == Nodetype.NAME:
             return self._message(self._fields[detail], place, is_inner)
         if node == Nodetype.BASE:
@@ -106,12 +110,14 @@ class StampFinder:
             place = self._passed(element, place, is_inner=is_inner)
         return place
 
-    def _message(self, fields: list[tuple[str, Any]], place: int, is_inner: bool) -> int:
+    def _message(
+        self, kind_of: tuple[bool, list[tuple[str, Any]]], place: int, is_inner: bool
+    ) -> int:
         self._n_left -= 1
         if place > len(self._data) or not self._n_left:
             raise BagError("a message must fit its definition")
         n_before, sender = len(self._found), ""
-        is_stamped = any(kind == _HEADER for _, kind in fields)
+        is_stamped, fields = kind_of
         for field, kind in fields:
             if kind == _HEADER:
                 place = self._aligned(place, 4) + 4 * self._is_ros1  # seq
@@ -126,8 +132,9 @@ class StampFinder:
             else:
                 place = self._passed(kind, place, is_inner=is_inner or is_stamped)
         if is_stamped and not is_inner:
-            found = [each._replace(sender=sender) for each in self._found[n_before:]]
-            self._found[n_before:] = found
+            for row in range(n_before, len(self._found)):
+                own, time_ns, _ = self._found[row]
+                self._found[row] = Stamp(own, time_ns, sender)
         return place
 
     def _text(self, place: int) -> tuple[str, int]:

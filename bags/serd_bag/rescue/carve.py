@@ -6,7 +6,6 @@ a head where chunks of MCAP or ROS 1, or pages of SQLite, stand in them.
 """
 
 import mmap
-import re
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -82,14 +81,10 @@ def _headless(
         yield Part(".mcap", start, end)
     elif has_rows(content, start, end):
         yield Part(".db3", start, end)
-    elif any(_is_chunk(content, found.start()) for found in _chunks(content, start, end)):
+    elif any(_is_chunk(content, at.start()) for at in CHUNK_PATTERN.finditer(content, start, end)):
         yield Part(".mcap", start, end)
     elif ROS1_CHUNK.search(content, start, end):
         yield Part(ROS1_SUFFIX, start, end)
-
-
-def _chunks(content: mmap.mmap, start: int, end: int) -> "Iterator[re.Match[bytes]]":
-    return CHUNK_PATTERN.finditer(content, start, end)
 
 
 def _is_chunk(content: mmap.mmap, place: int) -> bool:

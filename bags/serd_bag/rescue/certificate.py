@@ -1,7 +1,6 @@
 """What a rescue saved and what it did not: of each file byte by byte, of each topic in bounds."""
 
 import html
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -86,10 +85,6 @@ class Certificate:
         """Everything as plain values."""
         names = ("n_messages", "n_doubtful", "is_complete")
         return asdict(self) | {name: getattr(self, name) for name in names}
-
-    def json(self) -> str:
-        """Everything as JSON."""
-        return json.dumps(self.values(), indent=1, ensure_ascii=False, default=str) + "\n"
 
     def page(self) -> str:
         """One HTML page: each file as a bar of its bytes, each topic as a line of time."""

@@ -69,7 +69,8 @@ def rescue(source: str | Path, target: str | Path, *, doubtful: bool = True) -> 
             if marks:
                 writer.add_metadata(MARK, {"doubtful": json.dumps(marks, ensure_ascii=False)})
         found = _certificate(reader, Path(target).resolve(), saved)
-        atomic_write_text(folder / CERTIFICATE, found.json())
+        text = json.dumps(found.values(), indent=1, ensure_ascii=False, default=str)
+        atomic_write_text(folder / CERTIFICATE, f"{text}\n")
         atomic_write_text(folder / PAGE, found.page())
     return found
 

@@ -6,13 +6,13 @@ from tempfile import TemporaryDirectory
 
 from serd_bag.errors import BagError
 from serd_bag.files import atomic_write_text
+from serd_bag.formats.limits import yaml_text
 from serd_bag.formats.mcap.file_end import FileEnd
 from serd_bag.formats.rosbag2.layout import (
     FILE_NAME,
     ROOT_KEY,
     FileSpan,
     bag_metadata,
-    metadata_text,
     storage_kind,
 )
 from serd_bag.reader import BagReader
@@ -50,7 +50,7 @@ def reindex(path: str | Path) -> int:
     values["storage_identifier"] = (
         "mcap" if storage_kind(reader.layout.files[0]) == ".mcap" else "sqlite3"
     )
-    atomic_write_text(path / FILE_NAME, metadata_text({ROOT_KEY: values}))
+    atomic_write_text(path / FILE_NAME, yaml_text({ROOT_KEY: values}))
     return counts.total()
 
 

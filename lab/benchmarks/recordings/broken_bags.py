@@ -32,12 +32,12 @@ from lab import RESULTS
 from lab.benchmarks.report import save
 from serd_bag.errors import BagError
 from serd_bag.files import atomic_write_text
+from serd_bag.formats.limits import yaml_text
 from serd_bag.formats.rosbag2.layout import (
     FILE_NAME,
     ROOT_KEY,
     FileSpan,
     bag_metadata,
-    metadata_text,
 )
 from serd_bag.formats.rosbag2.message_types import message_type
 from serd_bag.reader import BagReader
@@ -223,7 +223,7 @@ def _mcap(compression: CompressionType, *, chunked: bool = True) -> Writing:
         n = len(messages)
         counted = [(Topic(name, message_type(_TYPE)).channel, n // 4) for name in _TOPICS]
         span = FileSpan("bag.mcap", n, _START_NS, messages[-1][1])
-        text = metadata_text({ROOT_KEY: bag_metadata([span], counted)})
+        text = yaml_text({ROOT_KEY: bag_metadata([span], counted)})
         (folder / "bag" / FILE_NAME).write_text(text)
         return folder / "bag" / "bag.mcap"
 

@@ -30,9 +30,9 @@ GRID = grid_around(np.array([[0.5, 0.5 + row] for row in range(11)]), 1.0)
 def record(tmp_path, messages):
     """Records 20 s of driving north, with wrong stamps on one topic, as the recorder node does."""
 
-    def make(topic="", fault=None):
+    def make(topic="", fault=None, paused_ticks=()):
         recorder = BagRecorder(
-            tmp_path / f"{topic[1:]} {fault}",
+            tmp_path / f"{topic[1:]} {fault} {len(paused_ticks)}",
             settings=RecorderSettings(min_free_bytes=0, sync=False),
         )
         for name, kind in TOPICS.items():
@@ -51,6 +51,7 @@ def record(tmp_path, messages):
         send("/episode", START_S, messages.mark, "start", 0)
         for tick in range(201):
             time_s = START_S + 0.1 * tick
+            recorder.paused = tick in paused_ticks
             send("/robot_pose", time_s, messages.pose, 0.5, 0.5 + 0.05 * tick)
             send("/other", time_s, messages.pose, 0.5, 0.5 + 0.05 * tick)
             send("/cmd_vel", time_s, command)
@@ -63,8 +64,12 @@ def record(tmp_path, messages):
     return make
 
 
+def table_of(drives):
+    return demonstrations_of_drives(drives, GRID, 4.0, 1.0)[0]
+
+
 def decisions(drives):
-    table = demonstrations_of_drives(drives, GRID, 4.0, 1.0)[0]
+    table = table_of(drives)
     return table.state.tolist(), table.action.tolist(), table.next_state.tolist()
 
 
@@ -85,3 +90,25 @@ def test_wrong_stamps_of_one_topic_cost_no_decision(record, topic, fault):
     mapped = [decisions([mapped_drive_in(BagReader(bag), MAPPING)]) for bag in (sound, faulty)]
     assert len(mapped[0][0]) == 11
     assert mapped[0] == mapped[1]
+
+
+def test_no_decision_goes_across_a_pause_of_the_recorder(record):
+    """Pauses are shorter than a gap; a cell is entered in the first, an intent given in the other.
+
+    The command before a pause may not be the one after it.
+    """
+    sound, bag = record(), record(paused_ticks=(71, 72, 73, 119, 120, 121))
+    for read in (read_drives, lambda path: [mapped_drive_in(BagReader(path), MAPPING)]):
+        (drive,) = read(bag)
+        edges_s = [edge for span in drive.episodes for edge in (span.start_s, span.end_s)]
+        assert np.subtract(edges_s, START_S) == pytest.approx([0, 7, 7.4, 11.8, 12.2, 20], abs=0.01)
+        whole, paused = table_of(read(sound)), table_of([drive])
+        ends_s = paused.time_s + paused.dwell_s
+        for pause_s in (START_S + 7.2, START_S + 12.0):
+            assert not ((paused.time_s < pause_s) & (pause_s < ends_s)).any()
+        before, after = whole.time_s + whole.dwell_s < START_S + 7.0, whole.time_s > START_S + 14.1
+        assert before.sum() >= 3
+        assert after.sum() >= 3
+        assert set(whole.time_s[before | after]) <= set(paused.time_s)
+    begun_s = table_of(read_drives(bag)).time_s - START_S
+    assert not ((begun_s > 12.1) & (begun_s < 13.9)).any()  # the next intent is of 14 s

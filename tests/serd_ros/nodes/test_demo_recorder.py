@@ -137,6 +137,35 @@ def test_a_stop_request_keeps_the_messages_that_wait_and_a_start_begins_another_
             assert len(list(BagReader(tmp_path / name).messages())) == n_messages
 
 
+def test_a_pause_leaves_messages_out_and_a_snapshot_has_the_last_seconds_of_all(record, tmp_path):
+    def ask(name):
+        answer = running.call(name, Trigger.Request())
+        return answer.success, answer.message
+
+    with record("odom", "map", record_at_start=False, snapshot_s=PATIENCE_S) as running:
+        odometry = running.node.create_publisher(Odometry, "odom", qos.STATE)
+        wait_until(odometry.get_subscription_count)
+        assert ask("pause_recording") == (False, "nothing is being recorded")
+        asked = (None, "start_recording", "pause_recording", "resume_recording")
+        for number, name in enumerate(asked):
+            if name:
+                assert ask(name)[0]
+            odometry.publish(Odometry(child_frame_id=str(number)))
+            assert odometry.wait_for_all_acked(Duration(seconds=PATIENCE_S))
+        snapshots = [tmp_path / f"bag-snapshot-{number}" for number in (1, 2)]
+        for folder in snapshots:
+            assert ask("save_snapshot") == (True, f"4 messages in {folder}")
+        running.call_timers()
+        assert running.health["recording"] == "True"
+    recorded, kept = BagReader(tmp_path / "bag"), BagReader(snapshots[0])
+    data = list(kept.messages())
+    assert list(recorded.messages()) == [data[1], data[3]]
+    assert recorded.pauses_ns == [(data[1].log_time_ns, data[3].log_time_ns)]
+    assert recorded.topics == kept.topics
+    with record("odom", record_at_start=False) as running:
+        assert ask("save_snapshot")[1].startswith("snapshot_s must be above 0")
+
+
 def test_messages_without_a_stamp_get_that_of_the_clock_also_when_it_falls_back(record, tmp_path):
     with record("/clock", "robot_pose", "cmd_vel") as running:
         for time_s in (900.0, 5.0):

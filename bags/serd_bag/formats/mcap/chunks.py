@@ -1,11 +1,11 @@
 """Chunks of MCAP files: their heads, also where a chain of records is broken, and their records."""
 
+import math
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from functools import cache
 from io import BytesIO
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO, NamedTuple
@@ -22,8 +22,9 @@ from serd_bag.formats.mcap.window import FileWindow
 _FIELDS = struct.Struct("<QQQII")
 _LONGEST_NAME = 16
 _SIZE = struct.Struct("<Q")
+_KNOWN = ("zstd", "lz4")
 #: Bytes that are decompressed at once: zstd makes 8 MiB of them at most, lz4 copies the rest.
-_ZSTD_PIECE, _LZ4_PIECE = 256, 1 << 20
+_ZSTD_PIECE, _PIECE = 256, 1 << 20
 #: A chunk may unpack to this many times its size, or to so many bytes, if it states fewer.
 _MOST_PACKED, _LEAST_UNPACKED = 10, 1 << 20
 #: More bytes than this after the fields of an empty chunk are its records, not an extension.
@@ -32,8 +33,6 @@ _LARGEST_EXTENSION = 1024
 CHUNK_PATTERN = re.compile(
     rb"\x06.{5}\0{3}.{28}(?:\0{4}|\x03\0{3}lz4|\x04\0{3}zstd).{5}\0{3}", re.DOTALL
 )
-_POLYNOMIAL = 0xEDB88320
-_CRC_BLOCK = 2048
 
 LONGEST_HEAD = RECORD_HEAD.size + _FIELDS.size + _LONGEST_NAME + _SIZE.size
 
@@ -77,12 +76,6 @@ class ChunkUnpacker:
         self._window, self._limit = window, limit
         self._n_left = most_unpacked(file_size)
         self._n_tried = 2 * window.size + LARGEST_CONTENT
-        self.n_repaired = 0
-
-    @property
-    def may_try(self) -> bool:
-        """Whether bytes that may be no chunk are still tried."""
-        return self._n_tried > 0
 
     def may_use(self, size: int) -> bool:
         """Whether so many more bytes that may be no chunk are tried."""
@@ -132,17 +125,11 @@ class ChunkUnpacker:
             return b"", 0, 0
         block, at = self._window.locate(offset, head.data_start + size)
         first = at + head.data_start
-        data, unpacked = memoryview(block)[first : first + size], BytesIO()
-        pieces = (bytes(data[at : at + _ZSTD_PIECE]) for at in range(0, size, _ZSTD_PIECE))
-        parts = _parts(head.compression, pieces)
-        if parts is None:
-            return block, first, first + len(data)
-        most = min(head.size, LARGEST_CONTENT)
-        with suppress(zstandard.ZstdError, RuntimeError, MemoryError, BagError):
-            for part in parts[0]:
-                self._use(len(part))
-                if unpacked.tell() + len(part) > most:
-                    break
+        if head.compression not in _KNOWN:
+            return block, first, min(len(block), first + size)
+        unpacked = BytesIO()
+        with suppress(BagError):
+            for part in self._parts(head, offset, size, min(head.size, LARGEST_CONTENT)):
                 unpacked.write(part)
         return unpacked.getvalue(), 0, unpacked.tell()
 
@@ -151,22 +138,10 @@ class ChunkUnpacker:
 
         Raises BagError if they do not fit their checksum or cannot be unpacked.
         """
-        begin, end = offset + head.data_start, offset + head.data_start + head.data_size
-        pieces = (
-            self._window.read(place, min(_ZSTD_PIECE, end - place))
-            for place in range(begin, end, _ZSTD_PIECE)
-        )
-        parts, digest = _parts(head.compression, pieces), 0
-        if parts is None:
-            raise _unknown(head.compression)
-        file = TemporaryFile()  # noqa: SIM115 (its caller closes it)
-        try:
-            for part in parts[0]:
-                self._use(len(part))
-                digest = zlib.crc32(part, digest)
-                file.write(part)
-        except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
-            raise BagError(f"a chunk cannot be unpacked ({error})") from None
+        file, digest = TemporaryFile(), 0  # noqa: SIM115 (its caller closes it)
+        for part in self._parts(head, offset, head.data_size):
+            digest = zlib.crc32(part, digest)
+            file.write(part)
         if head.checksum not in (0, digest):
             raise BagError("the checksum of a chunk does not fit its content")
         file.flush()
@@ -177,57 +152,51 @@ class ChunkUnpacker:
         size = head.data_start + head.data_size
         if head.data_size > LARGEST_CONTENT:
             raise BagError(f"a chunk must have {LARGEST_CONTENT} bytes at most, got {size}")
-        if not is_certain:
-            self._n_tried -= size
-            if self._n_tried < 0:
-                raise BagError("a chunk is longer than its record")
+        if not (is_certain or self.may_use(size)):
+            raise BagError("a chunk is longer than its record")
         block, at = self._window.locate(offset, size)
         first = at + head.data_start
         data = memoryview(block)[first : first + head.data_size]
         if len(data) < head.data_size:
             raise BagError("a chunk is longer than its record")
-        unpacked = self._decompressed(head, data) if head.compression else None
+        unpacked = self._decompressed(head, offset, data) if head.compression else None
         records = data if unpacked is None else unpacked
-        if head.checksum and (checksum := zlib.crc32(records)) != head.checksum:
-            place = None if unpacked else wrong_bit(len(data), checksum ^ head.checksum)
-            if place is None:
-                raise BagError("the checksum of a chunk does not fit its content")
-            repaired = bytearray(data)
-            repaired[place[0]] ^= place[1]
-            self.n_repaired += 1
-            return bytes(repaired), 0, len(repaired)
+        if head.checksum not in (0, zlib.crc32(records)):
+            raise BagError("the checksum of a chunk does not fit its content")
         if unpacked is None:
             return block, first, first + len(data)
         return unpacked, 0, len(unpacked)
 
-    def _decompressed(self, head: ChunkHead, data: memoryview) -> bytes:
+    def _decompressed(self, head: ChunkHead, offset: int, data: memoryview) -> bytes:
         """Decompress the records, in pieces unless the frame or the head states their size."""
-        try:
-            if head.compression == "zstd":
+        if head.compression == "zstd":
+            with suppress(zstandard.ZstdError, MemoryError):
                 size = zstandard.frame_content_size(data)
                 size = head.size if size < 0 else size
                 if 0 < size <= LARGEST_CONTENT:
                     self._use(size)
-                    with suppress(zstandard.ZstdError):
-                        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-            parts = _parts(head.compression, data)
-            if parts is not None:
-                most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
-                return self._joined(*parts, min(most, LARGEST_CONTENT))
+                    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        most = max(head.size, _MOST_PACKED * len(data), _LEAST_UNPACKED)
+        return b"".join(self._parts(head, offset, len(data), min(most, LARGEST_CONTENT), _PIECE))
+
+    def _parts(
+        self, head: ChunkHead, offset: int, size: int, most: float = math.inf, of_lz4: int = 0
+    ) -> Iterator[bytes]:
+        """Unpack so many bytes of the data of a chunk; BagError where no more can be unpacked, and
+        after `most` bytes. of_lz4: bytes that are unpacked at once."""
+        begin, end = offset + head.data_start, offset + head.data_start + size
+        step = of_lz4 if of_lz4 and head.compression == "lz4" else _ZSTD_PIECE
+        places = range(begin, end, step)
+        pieces = (self._window.read(place, min(step, end - place)) for place in places)
+        try:
+            for part in _unpacked(head.compression, pieces):
+                self._use(len(part))
+                most -= len(part)
+                if most < 0:
+                    raise BagError("a chunk unpacks to more bytes than one of its size can hold")
+                yield part
         except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
             raise BagError(f"a chunk cannot be unpacked ({error})") from None
-        raise _unknown(head.compression)
-
-    def _joined(self, parts: Iterator[bytes], decompressor: Any, most: int) -> bytes:
-        records = BytesIO()
-        for part in parts:
-            self._use(len(part))
-            if records.tell() + len(part) > most:
-                raise BagError(f"a chunk must have {most} bytes at most, it has more")
-            records.write(part)
-        if not decompressor.eof:
-            raise BagError("a chunk cannot be unpacked (it ends early)")
-        return records.getvalue()
 
     def _use(self, n_bytes: int) -> None:
         self._n_left -= n_bytes
@@ -235,114 +204,26 @@ class ChunkUnpacker:
             raise BagError("the file unpacks to more than one of its size can hold")
 
 
-def _parts(
-    compression: str, data: memoryview | Iterator[bytes]
-) -> tuple[Iterator[bytes], Any] | None:
-    """The parts that a decompressor makes of the data, and the decompressor; None for no known
-    compression."""
+def _unpacked(compression: str, pieces: Iterator[bytes]) -> Iterator[bytes]:
+    """The parts that are unpacked of pieces; BagError where these end early, or of another kind."""
     if compression == "zstd":
-        decompressor = zstandard.ZstdDecompressor().decompressobj()
-        return (
-            decompressor.decompress(piece) for piece in _pieces(data, _ZSTD_PIECE)
-        ), decompressor
-    if compression == "lz4":
-        frame = lz4.frame.LZ4FrameDecompressor()
-        return _lz4_parts(frame, _pieces(data, _LZ4_PIECE)), frame
-    return None
+        decompressor: Any = zstandard.ZstdDecompressor().decompressobj()
+        yield from map(decompressor.decompress, pieces)
+    elif compression == "lz4":
+        decompressor = lz4.frame.LZ4FrameDecompressor()
+        yield from parts_unpacked(decompressor, pieces)
+    else:
+        raise BagError(f"compression of a chunk must be zstd, lz4 or none, got {compression!r}")
+    if not decompressor.eof:
+        raise BagError("a chunk cannot be unpacked (it ends early)")
 
 
-def _pieces(data: memoryview | Iterator[bytes], size: int) -> Iterator[bytes]:
-    if not isinstance(data, memoryview):
-        yield from data
-        return
-    for start in range(0, len(data), size):
-        yield bytes(data[start : start + size])
-
-
-def _lz4_parts(decompressor: Any, pieces: Iterator[bytes]) -> Iterator[bytes]:
+def parts_unpacked(decompressor: Any, pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """The parts, of 1 MiB at most, that a decompressor of lz4 or bz2 makes of pieces."""
     for piece in pieces:
         while not decompressor.eof:
-            part = decompressor.decompress(piece, max_length=_LZ4_PIECE)
+            part = decompressor.decompress(piece, _PIECE)
             yield part
             piece = b""
             if decompressor.needs_input or not part:
                 break
-
-
-def _unknown(compression: str) -> BagError:
-    known = "zstd, lz4 or none"
-    return BagError(f"compression of a chunk must be {known}, got {compression!r}")
-
-
-def wrong_bit(length: int, difference: int) -> tuple[int, int] | None:
-    """(place of the byte, its wrong bit as a mask) among `length` bytes; None for several bits.
-
-    CRC-32 is linear: the difference of the checksums of two texts of one length is that of the
-    wrong bits alone. A wrong bit with k bytes behind it makes the difference S^k(T[bit]), where S
-    is the step of the checksum for a zero byte and T its table (RFC 1952, section 8). It is found
-    from both sides: a table for the last 2,048 bytes, and steps back of 2,048 bytes at once.
-
-    difference: checksum of the bytes as they are, exclusive or that of the right ones. Of damage
-    to several bits one in 2^29 / length is taken for a single one.
-    """
-    places, back = _last_places(), _steps_back()
-    for behind in range(0, length, _CRC_BLOCK):
-        found = places.get(difference)
-        if found is not None:
-            place = length - 1 - behind - found[0]
-            return (place, found[1]) if place >= 0 else None
-        difference = (
-            back[0][difference & 0xFF]
-            ^ back[1][difference >> 8 & 0xFF]
-            ^ back[2][difference >> 16 & 0xFF]
-            ^ back[3][difference >> 24]
-        )
-    return None
-
-
-@cache
-def _table() -> tuple[int, ...]:
-    rows = []
-    for value in range(256):
-        for _ in range(8):
-            value = value >> 1 ^ (_POLYNOMIAL if value & 1 else 0)
-        rows.append(value)
-    return tuple(rows)
-
-
-@cache
-def _last_places() -> dict[int, tuple[int, int]]:
-    """(bytes behind it, mask) of each bit of a block, by the difference that it makes."""
-    table, places = _table(), {}
-    for bit in range(8):
-        difference = table[1 << bit]
-        for behind in range(_CRC_BLOCK):
-            places[difference] = behind, 1 << bit
-            difference = difference >> 8 ^ table[difference & 0xFF]
-    return places
-
-
-@cache
-def _steps_back() -> tuple[tuple[int, ...], ...]:
-    """The step back over a block, for each value of each byte of a difference."""
-    table = _table()
-    of_high_byte = {entry >> 24: (entry, low) for low, entry in enumerate(table)}
-
-    def back(difference: int) -> int:
-        for _ in range(_CRC_BLOCK):
-            entry, low = of_high_byte[difference >> 24]
-            difference = (difference ^ entry) << 8 & 0xFFFFFFFF | low
-        return difference
-
-    of_bits = [back(1 << bit) for bit in range(32)]
-
-    def combined(value: int, first_bit: int) -> int:
-        result = 0
-        for bit in range(8):
-            if value >> bit & 1:
-                result ^= of_bits[first_bit + bit]
-        return result
-
-    return tuple(
-        tuple(combined(value, first_bit) for value in range(256)) for first_bit in (0, 8, 16, 24)
-    )

@@ -129,7 +129,6 @@ class DataSection:
         self._offset = self._limit
 
     def _check_beginning(self) -> int:
-        """Where the records begin."""
         head = self._window.read(0, MAGIC_SIZE + 1)
         magic, opcode = head[:MAGIC_SIZE], head[MAGIC_SIZE:]
         if not head:
@@ -279,7 +278,7 @@ class DataSection:
             yield Area(*remains, is_torn=True, doubted=head)
         if is_guess or self._has_chunks:
             self._sound_end = max(self._sound_end, offset + 1)
-        if self._unpacker.may_try and (is_guess or not self._are_records(end, 1)):
+        if self._unpacker.may_use(1) and (is_guess or not self._are_records(end, 1)):
             self._offset = self._next_chunk()
         else:
             self._offset = min(end, self._limit)
@@ -312,13 +311,11 @@ class DataSection:
 
     def _records_of(self, head: ChunkHead, length: int, is_guess: bool) -> Area:
         """The records of a sound chunk, after which the next record is sought; or BagError."""
-        declared_size, n_repaired = head.data_size, self._unpacker.n_repaired
+        declared_size = head.data_size
         head, block, begin, end = self._unpacker.unpacked(
             head, self._offset, length, is_guess=is_guess
         )
         area = Area(block, begin, end)
-        if self._unpacker.n_repaired > n_repaired:
-            self.note("a bit of a chunk was wrong, which its checksum has repaired")
         if head.data_size != declared_size:
             self.note(f"the data of a chunk must have {declared_size} bytes, got {head.data_size}")
         if area.end - area.start != head.size:
@@ -472,7 +469,6 @@ def _blocks_of_records(
 
 
 def _end_of_records(block: bytes, place: int, stop: int) -> int:
-    """Where the last whole record from `place` on ends."""
     while place + RECORD_HEAD.size <= stop:
         opcode, length = RECORD_HEAD.unpack_from(block, place)
         if not opcode or place + RECORD_HEAD.size + length > stop:

@@ -59,7 +59,6 @@ class McapScan(FileScan):
             self.expected = self._end.statistics.message_count
         self._counts: defaultdict[int, int] = defaultdict(int)
         self._thorough = thorough
-        self._looked_in: Area | None = None
         self._recorded_size = size
         self._looks_back, self._takes_doubted = True, False
 
@@ -147,7 +146,7 @@ class McapScan(FileScan):
             if positions is not None:
                 positions.extend((number, log_time, last - area.start))
             if number not in channels:
-                if not self._is_defined(section, area, number):
+                if not self._is_defined(number):
                     n_unknown += 1
                     continue
                 channel = self._definitions.channel(number)
@@ -216,14 +215,9 @@ class McapScan(FileScan):
                 section.note(fault)
         return following
 
-    def _is_defined(self, section: DataSection, area: Area, number: int) -> bool:
-        """Whether a channel is known, if need be from the rest of its chunk or of the file."""
+    def _is_defined(self, number: int) -> bool:
+        """Whether a channel is known, if need be from the summary or the rest of the file."""
         channels = self._definitions.channels
-        if number not in channels and area.is_chunk and area is not self._looked_in:
-            self._looked_in = area
-            offset: int | None = area.start
-            while offset is not None:
-                offset = self._skip(section, area, offset)
         if number not in channels and number in self._end.definitions.channels:
             self._definitions.complete(self._end.definitions)
         if number not in channels and self._looks_back:

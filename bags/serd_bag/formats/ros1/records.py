@@ -10,13 +10,16 @@ a chunk.
 import bz2
 import re
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import chain
 from typing import Any, NamedTuple
 
 from serd_bag.damage import DamageLog, State
 from serd_bag.errors import BagError
 from serd_bag.formats.limits import LARGEST_CONTENT, LARGEST_DEFINITION
+from serd_bag.formats.mcap.chunks import parts_unpacked
 from serd_bag.formats.mcap.window import FileWindow
 from serd_bag.topic import ROS1, ROS1MSG, Channel
 
@@ -175,11 +178,11 @@ def unpacked_chunk(
         raise BagError(f"its compression must be none, bz2 or lz4, got {compression!r}")
     unpacked, fault, end = bytearray(), "", min(at + size, len(block))
     try:
-        while at < end and not decompressor.eof and len(unpacked) < most:
-            unpacked += decompressor.decompress(block[at : at + _PIECE], most - len(unpacked))
-            at += _PIECE
-            while not (decompressor.needs_input or decompressor.eof) and len(unpacked) < most:
-                unpacked += decompressor.decompress(b"", most - len(unpacked))
+        pieces = (block[place : place + _PIECE] for place in range(at, end, _PIECE))
+        for part in parts_unpacked(decompressor, pieces):
+            unpacked += part[: most - len(unpacked)]
+            if len(unpacked) >= most:
+                break
     except (OSError, ValueError, RuntimeError, EOFError) as error:
         fault = str(error).strip().rstrip(".") or type(error).__name__
         if not unpacked:
@@ -216,8 +219,9 @@ class Walk:
     """What a walk has found, once it has ended.
 
     log: faults on the way; connections: outside of chunks; counts: messages by connection that the
-    index has of each chunk,
-    by its place. mark: takes begin, end, state and reason of bytes that were not read.
+    index has of each chunk, by its place; listed: those that the index behind each chunk has;
+    span_ns: first and last time of these. mark: takes begin, end, state and reason of bytes that
+    were not read.
     """
 
     def __init__(
@@ -229,12 +233,13 @@ class Walk:
         self.connections: dict[int, Channel] = {}
         self._mark = mark
         self.counts: dict[int, dict[int, int]] = {}
+        self.listed: dict[int, Counter[int]] = {}
+        self.span_ns: list[int] = []
         self.log = log
         self._window = window
         self._header: Record | None = None
         self._index_start: int | None = None
-        self._chunks: set[int] = set()
-        self._indexed: set[int] = set()
+        self._latest: tuple[int, Record] | None = None
 
     def parts(self) -> Iterator[Part]:
         """All chunks and messages in the order of the file."""
@@ -251,7 +256,6 @@ class Walk:
                 continue
             last, offset = offset, record.end
             if record.kind == CHUNK:
-                self._chunks.add(last)
                 record, offset = self._sized(last, record)
                 entries, offset = self._entries(last, offset)
                 yield last, record, entries
@@ -277,14 +281,14 @@ class Walk:
             yield f"the bag header points to byte {stated} as the index, which begins at {begin}"
         for name, what, found in (
             (b"conn_count", "connections", len(self.connections)),
-            (b"chunk_count", "chunks", len(self._chunks)),
+            (b"chunk_count", "chunks", len(self.listed)),
         ):
             if (count := _number(self._header, name)) != found:
                 yield f"{count} {what} were written, {found} are there"
-        if self.counts.keys() != self._chunks:
-            n_right = len(self.counts.keys() & self._chunks)
-            yield f"the index has {n_right} of {len(self._chunks)} chunks where they begin"
-        if not self._indexed <= self.connections.keys():
+        if self.counts.keys() != self.listed.keys():
+            n_right = len(self.counts.keys() & self.listed.keys())
+            yield f"the index has {n_right} of {len(self.listed)} chunks where they begin"
+        if not {*chain(*self.counts.values(), *self.listed.values())} <= self.connections.keys():
             yield "the index does not have all connections"
 
     def _beginning(self) -> int:
@@ -306,7 +310,12 @@ class Walk:
         return found.end() if found else size
 
     def _record(self, offset: int) -> Record:
-        """Read the record there; raises BagError if none begins or one but a chunk is cut off."""
+        """The record there, read once; BagError if none begins, or one but a chunk is cut off."""
+        if self._latest is None or self._latest[0] != offset:
+            self._latest = offset, self._read(offset)
+        return self._latest[1]
+
+    def _read(self, offset: int) -> Record:
         head = self._window.read(offset, LONGEST_CHUNK_HEAD)
         if len(head) < _SIZE.size:
             raise BagError("a record is cut off")
@@ -352,7 +361,9 @@ class Walk:
                 self.log.note(place, "a chunk is damaged (its index has not the size it states)")
             else:
                 found += entries
-        self._indexed.update(connection for connection, _, _ in found)
+        self.listed[place] = Counter(connection for connection, _, _ in found)
+        times_ns = [*self.span_ns, *(time_ns for _, time_ns, _ in found)]
+        self.span_ns = [min(times_ns), max(times_ns)] if times_ns else []
         return found, offset
 
     def _record_or_none(self, offset: int) -> Record | None:
@@ -361,7 +372,6 @@ class Walk:
         return None
 
     def _keep(self, place: int, record: Record) -> None:
-        """Keep a record that is neither chunk nor message."""
         if record.kind == BAG_HEADER:
             self._header = record
             if encryptor := record.fields.get(b"encryptor"):
@@ -380,7 +390,6 @@ class Walk:
             else:
                 chunk, counts = counts_of(record, data)
                 self.counts[chunk] = counts
-                self._indexed.update(counts)
                 if len(counts) != record.number(b"count"):
                     self.log.note(place, "the index has not the counts of a chunk that it states")
         except BagError as error:
@@ -399,7 +408,6 @@ class Walk:
         return index if index > start and self._is_index(index) else self._window.size
 
     def _is_index(self, offset: int) -> bool:
-        """Whether the index of the file stands there."""
         while offset < self._window.size:
             record = self._record_or_none(offset)
             if record is None or record.kind not in (CONNECTION, CHUNK_INFO):
@@ -409,5 +417,4 @@ class Walk:
 
 
 def _number(record: Record, name: bytes) -> int:
-    """Return the number in a field, and 0 if there is none."""
     return int.from_bytes(record.fields.get(name, b""), "little")

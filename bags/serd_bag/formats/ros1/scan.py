@@ -60,29 +60,22 @@ class Ros1Scan(FileScan):
     def __init__(self, path: Path, start: int = 0, end: int | None = None) -> None:
         super().__init__(path, start, end)
         self._connections: dict[int, Channel] = {}
+        #: whether messages are outside of chunks, which nothing counts
+        self._is_loose = False
 
     def stated(self) -> Stated | None:
         """Contents by the index, whose counts agree with the entries behind all chunks."""
-        found: dict[int, Counter[int]] = {}
-        times_ns: list[int] = []
-        with self.opened() as window:
-            walk = Walk(window, DamageLog(self.path))
-            for place, record, entries in walk.parts():
-                if record.kind == MESSAGE:
-                    return None
-                found[place] = Counter(number for number, _, _ in entries)
-                times_ns += [time_ns for _, time_ns, _ in entries]
-                times_ns = [min(times_ns), max(times_ns)] if times_ns else []
-        if walk.log or any(walk.faults()) or walk.counts != found:
+        index = self._index
+        if not self._is_index_sound or self._is_loose or index.counts != index.listed:
             return None
         counts: Counter[str] = Counter()
-        for number, count in sum(found.values(), Counter()).items():
-            counts[walk.connections[number].topic] += count
+        for number, count in sum(index.listed.values(), Counter()).items():
+            counts[index.connections[number].topic] += count
         types = {
             each.topic: each.type_name.replace("/", "/msg/")
-            for each in reversed(walk.connections.values())
+            for each in reversed(index.connections.values())
         }
-        return Stated(types, counts, min(times_ns, default=0), max(times_ns, default=0))
+        return Stated(types, counts, *(index.span_ns or (0, 0)))
 
     def channels(self) -> list[Channel]:
         """Channels of the file, by its index if that is right."""
@@ -130,10 +123,11 @@ class Ros1Scan(FileScan):
                 self.log.note(None, what, is_harmless=True)
         self.n_left_out = n_unknown + n_doubted
         if n_unknown:
-            self._note(f"{n_unknown} messages are of connections declared in a part that is lost")
+            self.log.note(
+                None, f"{n_unknown} messages are of connections declared in a part that is lost"
+            )
 
     def _take_counts(self) -> None:
-        """Take the messages of each topic that the index counts."""
         self.is_cut = not self._index.counts
         for counts in self._index.counts.values():
             for number, count in counts.items():
@@ -146,8 +140,8 @@ class Ros1Scan(FileScan):
         """The walk through the file that has found all that stands outside of its chunks."""
         with self.opened() as window:
             walk = Walk(window, DamageLog(self.path))
-            for _ in walk.parts():
-                pass
+            for _, record, _ in walk.parts():
+                self._is_loose |= record.kind == MESSAGE
         return walk
 
     @cached_property
@@ -155,7 +149,6 @@ class Ros1Scan(FileScan):
         return not self._index.log and not any(self._index.faults())
 
     def _messages_of(self, part: Part, window: FileWindow) -> Iterator[_Found]:
-        """Yield the messages of a chunk, or the one outside of chunks."""
         place, record, entries = part
         size = min(record.end, window.size) - record.start
         try:
@@ -243,14 +236,14 @@ class Ros1Scan(FileScan):
         listed = self._index.connections.get(number, connection)
         twice = f"connection {number} is defined twice, in different ways"
         if listed != connection and self._is_index_sound:
-            self._note(twice)
+            self.log.note(None, twice)
             from serd_bag.formats.ros1.conversion import can_convert
 
             named = replace(connection, topic=listed.topic)  # as `channels` names it
             connection = listed if can_convert(listed) else named
         kept = self._connections.setdefault(number, connection)
         if kept != connection:
-            self._note(twice)
+            self.log.note(None, twice)
             if listed == connection:
                 self._connections[number] = connection
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from serd_bag.errors import BagError, FileError, disk_errors
 from serd_bag.files import read_text
-from serd_bag.formats.limits import yaml_text, yaml_values
+from serd_bag.formats.limits import yaml_values
 from serd_bag.formats.rosbag2.qos import qos_values
 from serd_bag.topic import QOS, TYPE_HASH, Channel
 
@@ -235,11 +235,6 @@ def _topic_values(channel: Channel) -> dict[str, Any]:
         "offered_qos_profiles": qos_values(channel.value(QOS)),
         "type_description_hash": channel.value(TYPE_HASH),
     }
-
-
-def metadata_text(values: Mapping[str, Any]) -> str:
-    """YAML text, as in metadata.yaml and in the MCAP record `rosbag2`."""
-    return yaml_text(dict(values))
 
 
 def _times(first_ns: int | None, last_ns: int | None) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
-from serd_bag.damage import FileScan
+from serd_bag.damage import FileScan, Stated
 from serd_bag.errors import BagError, DamagedBagError, disk_errors
 from serd_bag.formats.limits import LARGEST_MESSAGE
 from serd_bag.formats.sqlite.pages import SqlitePages
@@ -44,12 +44,28 @@ class SqliteScan(FileScan):
         super().__init__(path, start, end)
         self._thorough = thorough
 
+    def stated(self) -> Stated | None:
+        """Contents by rows that SQLite counts without their data."""
+        query = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages"
+        with self._database() as (path, database), suppress(sqlite3.Error):
+            if _fault(database, whole=False):
+                return None
+            known = _channels(path, database)
+            rows = database.execute(f"{query} GROUP BY topic_id").fetchall()
+            counts = Counter({known[number].topic: n for number, n, *_ in rows if number in known})
+            is_whole = counts.total() == sum(row[1] for row in rows) == _n_indexed(database)
+            times_ns = [time_ns for row in rows for time_ns in row[2:]]
+            if is_whole and all(time_ns.__class__ is int and time_ns >= 0 for time_ns in times_ns):
+                types = {each.topic: each.type_name for each in reversed(known.values())}
+                return Stated(types, counts, min(times_ns, default=0), max(times_ns, default=0))
+        return None
+
     def channels(self) -> list[Channel]:
         """Channels of the file; of a damaged one those whose rows are left."""
         with self._database() as (path, database):
             found = _channels(path, database)
             if not found:
-                self._note(_fault(database) or "it names no topic")
+                self.log.note(None, _fault(database) or "it names no topic")
         return list(found.values())
 
     def records(
@@ -73,7 +89,7 @@ class SqliteScan(FileScan):
         with self._database() as (path, database):
             fault = _fault(database, whole=self._thorough)
             if fault:
-                self._note(fault)
+                self.log.note(None, fault)
             known = _channels(path, database)
             wanted = None
             if topics is not None:
@@ -102,19 +118,18 @@ class SqliteScan(FileScan):
                         n_unknown += 1
             for number, count in n_read.items():
                 self.counts[known[number].topic] += count
-            if not fault:
-                self._compare_with_index(database, self.counts.total() + n_unknown)
+            n_found = self.counts.total() + n_unknown
+            n_indexed = None if fault else _n_indexed(database)
+            if n_indexed not in (None, n_found):
+                what = f"its index of times lists {n_indexed} messages, {n_found} are readable"
+                self.log.note(None, what)
         self.n_left_out = n_unknown
         if n_unknown:
-            self._note(f"{n_unknown} messages have lost their topic, their time or their content")
-
-    def _compare_with_index(self, database: sqlite3.Connection, n_found: int) -> None:
-        n_indexed = _n_indexed(database)
-        if n_indexed is not None and n_indexed != n_found:
-            self._note(f"its index of times lists {n_indexed} messages, {n_found} are readable")
+            self.log.note(
+                None, f"{n_unknown} messages have lost their topic, their time or their content"
+            )
 
     def _rows(self, database: sqlite3.Connection, condition: str) -> Iterator[_Row]:
-        """Rows of messages in the order of recording."""
         data = "data"
         if self.path.stat().st_size > LARGEST_MESSAGE:
             data = f"CASE WHEN length(data) <= {LARGEST_MESSAGE} THEN data END"
@@ -138,7 +153,7 @@ class SqliteScan(FileScan):
                         else:
                             n_read[topic] += 1
         if pages.n_cut:
-            self._note(f"{pages.n_cut} rows are cut off or damaged")
+            self.log.note(None, f"{pages.n_cut} rows are cut off or damaged")
         for span in pages.lost():
             self.mark(*span)
 
@@ -251,7 +266,6 @@ def _channel(
 
 
 def _topic_row(number: int, row: tuple[object, ...]) -> Iterator[tuple[int, Channel]]:
-    """The topic that a row describes, if it describes one."""
     match row:
         case (None, str(name), str(type_name), str(encoding), *rest) if name.startswith("/"):
             qos, type_hash = [*(str(each) for each in rest), "", ""][:2]

@@ -27,7 +27,7 @@ _ONE_MESSAGE = [(2, 1, b"\1\2\3")]
 def found_in(path):
     scan = McapScan(path, thorough=True)
     messages = [(each.log_time_ns, each.publish_time_ns, each.data) for each in scan.records()]
-    return messages, [each.sentence() for each in scan.damage]
+    return messages, [each.sentence() for each in scan.log.damage]
 
 
 @pytest.mark.parametrize("content", CONTENTS)
