@@ -200,10 +200,11 @@ def without_pauses(
     What follows the pause belongs to the episode where its end is recorded.
     """
     found = list(spans)
-    for after in filter(None, np.searchsorted(pose_time_s, pauses_s)):
+    for pause_s in pauses_s[pauses_s > pose_time_s[:1].min(initial=np.inf)]:
+        after = int(np.searchsorted(pose_time_s, pause_s))
         until_s, from_s = pose_time_s[after - 1], pose_time_s[after : after + 1]
         for row, span in enumerate(found):
-            if span.demonstrates and span.start_s <= until_s and (from_s <= span.end_s).all():
+            if span.demonstrates and span.start_s <= until_s and pause_s < span.end_s:
                 found[row] = replace(span, end_s=float(until_s), outcome=CUT_OFF)
                 if len(from_s) and span.outcome != CUT_OFF:
                     number = 1 + max(each.number for each in found)

@@ -180,12 +180,15 @@ def drives_in(reader: BagReader) -> tuple[RecordedDrive, ...]:
     found = _sessions_in(reader, kinds, noted)
     in_s = {kind: (np.array(rows).reshape(-1, 2) / 1e9).T for kind, rows in times.items()}
     pauses_s, (log_s, stamp_s) = paused_s(reader), in_s[POSE]
+    session = np.zeros(len(pauses_s), dtype=np.int64)
     if _stamps_agree(in_s):
-        pauses_s = TimesOnClock(log_s[stamp_s > 0], stamp_s[stamp_s > 0]).of(pauses_s)
+        log_s, stamp_s = log_s[stamp_s > 0], stamp_s[stamp_s > 0]
+        session = np.searchsorted(log_s[1:][np.diff(stamp_s) < -RESTART_NS / 1e9], pauses_s)
+        pauses_s = TimesOnClock(log_s, stamp_s).of(pauses_s)
     else:
         del reader.damage[n_faults:]  # it is found again
         found = _sessions_in(reader, kinds, lambda _, message: message.log_time_ns)
-    return tuple(session.drive(pauses_s) for session in found)
+    return tuple(each.drive(pauses_s[session == row]) for row, each in enumerate(found))
 
 
 def paused_s(reader: BagReader) -> FloatArray:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from serd_app.drives.drive import EpisodeMark, marks_of, spans_of_marks
+from serd_app.drives.drive import EpisodeMark, EpisodeSpan, marks_of, spans_of_marks, without_pauses
 from serd_bag.errors import BagError
 
 GAP_S = 0.5
@@ -101,3 +101,17 @@ def test_marks_are_read_by_name_and_their_numbers_checked(messages):
     assert marks_of(messages.mark(1.5, "pause", 7)) == []
     with pytest.raises(BagError, match=r"must carry the episode's number, .*, got '12345678901'"):
         marks_of(messages.mark(1.5, "end", 12345678901))
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "expected"),
+    [
+        *((pause_s, [(0, 0.0, 10.0), (1, 20.0, 30.0)]) for pause_s in (-1.0, 15.0, 31.0, 35.0)),
+        (5.2, [(0, 0.0, 5.0), (2, 5.5, 10.0), (1, 20.0, 30.0)]),
+    ],
+)
+def test_a_pause_divides_the_episode_that_it_is_in_and_no_other(pause_s, expected):
+    spans = [EpisodeSpan(0, 0.0, 10.0, "arrived"), EpisodeSpan(1, 20.0, 30.0, "arrived")]
+    found = without_pauses(spans, np.arange(0.0, 33.5, 0.5), np.array([pause_s]))
+    assert [(each.number, each.start_s, each.end_s) for each in found] == expected
+    assert without_pauses(spans, np.zeros(0), np.array([pause_s])) == tuple(spans)
