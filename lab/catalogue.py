@@ -66,7 +66,7 @@ BENCHMARKS = {
     name.replace("_", "-"): Work(f"lab.benchmarks.{folder}.{name}", about)
     for folder, name, about in (
         ("driving", "crowd_step", "a step of 30 to 1,000 people"),
-        ("driving", "live_latency", "from odometry to a command, and through the guard, live"),
+        ("driving", "live_latency", "age of odometry at a command, and time to the guard's, live"),
         ("driving", "lockstep", "whole steps in process and through ROS, against real time"),
         (
             "learning",

@@ -54,6 +54,8 @@ _GOAL_S, WATCHED_S, _READY_S = 120.0, 9.0, 90.0
 #: Places of goals in the hallway (m).
 _EAST_M, _NORTH_M = (1.5, 2.5, 3.5, 4.5), (2.5, 3.5, 4.5, 5.5)
 _FAST, _COMMAND_S = 0.85, 0.05
+#: Reasons of a stop that are no fault of an input; the second one only makes the robot slower.
+_NO_INPUT = ("collision", "does not look there", "cmd_vel")
 #: Share of the rays ahead that show something where a fault hides them.
 _SHOWN = 0.2
 
@@ -137,7 +139,7 @@ class Field:
         wrong = [
             each
             for each in values["reasons"].split(", ")
-            if each and "collision" not in each and not each.startswith("cmd_vel")
+            if each and not any(text in each for text in _NO_INPUT)
         ]
         stopped = values["action"] == "STOP" and bool(wrong)
         if stopped and not self._was_stopped:

@@ -16,12 +16,18 @@ from serd_bag.nearest import hint
 from serd_cli.errors import UsageError
 from serd_cli.processes.supervisor import Process
 from serd_files.yaml_config import read_yaml
-from serd_ros.graph.graph import LOOPBACK_PROFILE, PACKAGE, Stack, load_graph, placed_nodes
+from serd_ros.graph.graph import (
+    LOOPBACK_PROFILE,
+    PACKAGE,
+    PROFILE_VARIABLE,
+    Stack,
+    load_graph,
+    placed_nodes,
+)
 
 PROJECT = Path(__file__).resolve().parents[2]
 PREFIXES = "AMENT_PREFIX_PATH"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 
 def ros_environment(base: Mapping[str, str]) -> dict[str, str]:
@@ -42,8 +48,8 @@ def ros_environment(base: Mapping[str, str]) -> dict[str, str]:
                 _add(environment, variable, str(hook.parents[3] / path))
     if (Path(sys.prefix) / "share/ament_index").is_dir():
         _add(environment, PREFIXES, sys.prefix, last=True)
-    if not {_RANGE, _PROFILE} & environment.keys():
-        environment |= {_RANGE: "SYSTEM_DEFAULT", _PROFILE: str(LOOPBACK_PROFILE)}
+    if not {_RANGE, PROFILE_VARIABLE} & environment.keys():
+        environment |= {_RANGE: "SYSTEM_DEFAULT", PROFILE_VARIABLE: str(LOOPBACK_PROFILE)}
     environment.setdefault("PYTHONUNBUFFERED", "1")
     return environment
 

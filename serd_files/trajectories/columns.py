@@ -44,7 +44,11 @@ Columns = dict[str, int]
 _UNIT = re.compile(r"(?:[\s_/]+|\s*[\[(]\s*)(m|cm|mm|s|ms|us|ns)\s*[\])]?\s*$")
 _WORD = re.compile(r"[^\W\d_]+|\d+")
 _CASE = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
-_DEGREES = frozenset(["lat", "latitude", "lon", "lng", "longitude"])
+#: Words of degrees, and the largest ones.
+_DEGREES = {
+    "north": (frozenset(["lat", "latitude"]), 90.0),
+    "east": (frozenset(["lon", "lng", "long", "longitude"]), 180.0),
+}
 #: Words for a place, which may precede the axis.
 PLACE_WORDS = frozenset(["position", "pos", "pose", "field"])
 
@@ -225,6 +229,22 @@ def _require_one(where: str, cells: Cells, roles: Sequence[str]) -> None:
     )
 
 
+def _degrees(cells: Cells) -> list[str]:
+    """Return the names of the columns of latitudes and longitudes, empty without one of each."""
+    found: dict[str, str] = {}
+    for at, name in enumerate(cells.names):
+        largest = np.nanmax(np.abs(numeric(cells.frame.iloc[:, at])), initial=0.0)
+        for key, (words, most) in _DEGREES.items():
+            if words.intersection(words_of(name)) and largest <= most:
+                found.setdefault(key, name)
+    return list(found.values()) if len(found) == len(_DEGREES) else []
+
+
+def _repeats(cells: Cells, at: int) -> bool:
+    """Whether a column has the same values again and again, as one of ids."""
+    return bool(2 * cells.frame.iloc[:, at].nunique() <= len(cells.frame))
+
+
 def _missing(where: str, cells: Cells, found: Mapping[str, int]) -> FileError:
     """Return the error about columns that are missing, with a mapping in the order of the table.
 
@@ -237,12 +257,12 @@ def _missing(where: str, cells: Cells, found: Mapping[str, int]) -> FileError:
         f" {'is' if len(lacking) == 1 else 'are'} not among {', '.join(names)}"
     )
     rest = {at: _WORD.findall(name.lower()) for at, name in enumerate(names)}
-    if degrees := [names[at] for at, words in rest.items() if _DEGREES.intersection(words)]:
+    if degrees := _degrees(cells):
         return FileError(
             f"{sentence}; {' and '.join(degrees)} are degrees, convert them to metres (UTM, or east"
             " and north of a point) in columns x and y"
         )
-    varied = cells.frame.apply(lambda column: column.nunique() > 1)
+    varied = cells.frame.apply(lambda column: len(column) < 2 or column.nunique() > 1)
     words = {at: each for at, each in rest.items() if at not in found.values() and varied.iloc[at]}
     if len(words) < len(lacking):
         return FileError(f"{sentence}; export the table with them")
@@ -250,6 +270,7 @@ def _missing(where: str, cells: Cells, found: Mapping[str, int]) -> FileError:
         len(words) > len(lacking) > 1
         and found["agent"] < 0
         and not any("x" in each for each in words.values())
+        and _repeats(cells, list(words)[len(lacking) - 2])
     ):
         lacking = [*lacking[:-2], "agent", "x", "y"]
     chosen = {}

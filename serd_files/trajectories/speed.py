@@ -31,7 +31,12 @@ def of_speed(path: Path, rows: Rows, points: "pd.DataFrame", wanted: TableColumn
         mean_mps = min(float(moving.mean()), wanted.fastest_mps)
     else:
         mean_mps = float(moving.mean()) if len(moving) else float(speeds_mps.mean())
-    if len(speeds_mps) > 1 and mean_mps < _STILL_MPS:
+    if len(speeds_mps) > 1 and mean_mps == 0.0:
+        raise FileError(
+            f"{path}: agents must move, but no place changes; name the columns of places in a"
+            " --mapping file (x: and y:)"
+        )
+    if 0 < mean_mps < _STILL_MPS:
         raise FileError(
             f"{path}: agents must move, but their mean speed is {mean_mps:.2g} m/s;"
             " state unit: and time_unit: or fps: in a --mapping file; degrees are no unit of places"

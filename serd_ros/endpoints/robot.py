@@ -22,7 +22,7 @@ from serd_ros.convert.stamp import Jump, StampClock
 from serd_ros.endpoints import qos, topics
 from serd_ros.endpoints.followed_topic import PeopleTopic, follow_transforms, when_placed
 from serd_ros.errors import MessageError
-from serd_ros.graph.graph import LOOPBACK_PROFILE
+from serd_ros.graph.graph import LOOPBACK_PROFILE, PROFILE_VARIABLE
 from serd_ros.process.serd_node import Endpoints
 from serd_ros.settings import LidarConfig, LocalisationConfig, ObservationConfig
 from serd_sim.safety.scan import Scan
@@ -116,7 +116,7 @@ class ObservationSource:
         text, level = "", OK
         if self._is_silent:
             text, level = "; ".join(self._missing()) or "nothing has come since", WARN
-            if "no publisher" in text and str(LOOPBACK_PROFILE) in os.environ.values():
+            if "no publisher" in text and os.environ.get(PROFILE_VARIABLE) == str(LOOPBACK_PROFILE):
                 text += "; only this machine is searched, ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET in"
                 text += " the environment of serd finds others"
             warning = f"no observation for {silent_s:.0f} s: {text}"

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 GRAPH_YAML = Path(__file__).with_name("graph.yaml")
 PACKAGE = "serd_ros"
-#: Makes nodes meet on this machine alone.
+#: Makes nodes meet on this machine alone, where the variable names it.
+PROFILE_VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 LOOPBACK_PROFILE = Path(__file__).resolve().parents[1] / "process" / "fastdds_loopback.xml"
 _NAMESPACE = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
 Parameters = dict[str, Any]

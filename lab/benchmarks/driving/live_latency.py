@@ -1,8 +1,10 @@
-"""Live, how long it takes from odometry to a command, and through the guard.
+"""Live, how old odometry is when the planner commands, and how soon the guard commands then.
 
 The stand-ins for robots drive to and fro on the stacks of a robot. Times are those at which
-publishers wrote (DDS source time), so what measures adds nothing. On `robot_nav2` commands come
-from the stand-in for Nav2: only the guard is measured.
+publishers wrote (DDS source time), so what measures adds nothing. The age is that of the newest
+odometry: one that was taken late shows in commands that are rare. The guard also commands by
+itself, at its own rate. On `robot_nav2` the stand-in for Nav2 commands: there the guard alone
+is measured.
 """
 
 import tempfile
@@ -20,6 +22,7 @@ from lab.faults.field import MODEL, STACKS, field_of, is_ready, running
 from lab.faults.robots import ROBOTS
 from serd_cli.processes.stack_run import stack_environment
 from serd_ros.endpoints import qos
+from serd_sim.errors import SimError
 
 DRIVEN_S, _READY_S = 60.0, 90.0
 _KINDS = {"odom": Odometry, "cmd_vel_raw": Twist, "cmd_vel": Twist}
@@ -32,7 +35,7 @@ def run() -> None:
 
 
 def measure(robot: str, stack: str) -> dict[str, Any]:
-    """Quantiles (ms) of a robot on a stack: odometry to `cmd_vel_raw`, that to `cmd_vel`."""
+    """Quantiles (ms) of a robot on a stack: age of `odom` at `cmd_vel_raw`, that to `cmd_vel`."""
     with tempfile.TemporaryDirectory() as name:
         logs = Path(name)
         with stack_environment(logs) as environment:
@@ -45,11 +48,13 @@ def measure(robot: str, stack: str) -> dict[str, Any]:
                 written = written_times(field.node, f"/{robot}")
                 drive = field.goals_to_and_fro()
                 field.until(drive, DRIVEN_S)
+    if not all(written.values()):
+        raise SimError(f"{robot} on {stack} sent nothing; is the machine too busy?")
     odom_s, raw_s, out_s = (np.sort(written[topic]) for topic in _KINDS)
     raw_s = raw_s[(raw_s > odom_s[0]) & (raw_s < out_s[-1])]
     lags_s = {"guard": out_s[np.searchsorted(out_s, raw_s)] - raw_s}
     if stack != "robot_nav2":
-        lags_s["planner"] = raw_s - odom_s[np.searchsorted(odom_s, raw_s) - 1]
+        lags_s["odom_age"] = raw_s - odom_s[np.searchsorted(odom_s, raw_s) - 1]
     return {
         f"{part}_{text}": round(float(1000.0 * np.quantile(lag_s, share)), 2)
         for part, lag_s in lags_s.items()

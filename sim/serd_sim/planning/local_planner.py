@@ -69,11 +69,19 @@ class Behaviour:
     extent: float
 
     def done(self, before: Observation, now: Observation) -> float:
-        """How much of the extent the robot has done between two observations."""
-        if self.command.linear_mps:
-            return math.hypot(now.x_m - before.x_m, now.y_m - before.y_m)
-        if self.command.angular_radps:
-            return abs(math.remainder(now.yaw_rad - before.yaw_rad, math.tau))
+        """How much of the extent the robot has done between two observations.
+
+        Motion the other way counts as negative, so that noise of the pose cancels.
+        """
+        linear_mps, angular_radps = self.command.linear_mps, self.command.angular_radps
+        if linear_mps:
+            east_m, north_m = now.x_m - before.x_m, now.y_m - before.y_m
+            yaw_rad = before.yaw_rad
+            ahead_m = east_m * math.cos(yaw_rad) + north_m * math.sin(yaw_rad)
+            return math.copysign(1.0, linear_mps) * ahead_m
+        if angular_radps:
+            turned_rad = math.remainder(now.yaw_rad - before.yaw_rad, math.tau)
+            return math.copysign(1.0, angular_radps) * turned_rad
         return now.time_s - before.time_s
 
     @property

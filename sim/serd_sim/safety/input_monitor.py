@@ -34,7 +34,7 @@ _FROZEN_MESSAGES = 3
 #: Share of people in view whom the scan does not show, from which they are wrong, and for how long
 #: (s) it must show all of them then, or after a jump of the pose.
 _UNSEEN_PEOPLE, _PEOPLE_LOOK_S = 0.05, 10.0
-#: Longest stand (s) after a twist that was wrong again.
+#: Longest stand (s) after a twist or a pose that was wrong again.
 _LONGEST_LOOK_S = 60.0
 #: A pose shows another speed than the twist from this difference (m/s, and share) on.
 _OTHER_MPS, _OTHER = 0.2, 0.2
@@ -146,7 +146,9 @@ class PoseMonitor:
     def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
-        self._window: deque[tuple[float, Pose, Pose]] = deque()
+        #: Stamp, pose, pose by odometry; way and turn by odometry until then, without a sign.
+        self._window: deque[tuple[float, Pose, Pose, float, float]] = deque()
+        self._way_m = self._turned_rad = 0.0
         self._fault: Fault | None = None
         self._faulty_since_s, self._stands_s, self._look_s = 0.0, 0.0, _SECOND_LOOK_S
         #: Whether the newest pose is another place than speed can explain.
@@ -161,6 +163,9 @@ class PoseMonitor:
         self._frozen.take(stamp_s, np.array(pose).tobytes())
         last = self._window[-1] if self._window else (stamp_s, pose, odometry)
         self.has_leapt = _leaps(last[1], pose, stamp_s - last[0], self._settings)
+        x_m, y_m, turn = motion_between(last[2], odometry)
+        self._way_m += math.hypot(x_m, y_m)
+        self._turned_rad += abs(turn)
         fault = self._contradiction(pose, odometry)
         if fault is not None:
             self._window.clear()
@@ -172,21 +177,20 @@ class PoseMonitor:
             self._fault, self._faulty_since_s = fault, stamp_s
         elif stamp_s - self._faulty_since_s >= self._stands_s - _EARLY_S:
             self._fault = None
-        self._window.append((stamp_s, pose, odometry))
-        if self._has_moved(odometry):
+        self._window.append((stamp_s, pose, odometry, self._way_m, self._turned_rad))
+        if self._has_moved():
             self._look_s = _SECOND_LOOK_S
         while self._window[0][0] < stamp_s - _SLOW_WINDOW_S or (
-            self._window[0][0] < stamp_s - _WINDOW_S and self._has_moved(odometry)
+            self._window[0][0] < stamp_s - _WINDOW_S and self._has_moved()
         ):
             self._window.popleft()
 
-    def _has_moved(self, odometry: Pose) -> bool:
+    def _has_moved(self) -> bool:
         """Whether the robot has moved, within the window, by more than what is tolerated."""
-        x_m, y_m, turn = motion_between(self._window[0][2], odometry)
-        settings, way_m = self._settings, math.hypot(x_m, y_m)
+        settings, (way_m, turned_rad) = self._settings, self._window[0][3:]
         return (
-            way_m > _TOLERANCES * settings.pose_tolerance
-            or abs(turn) > _TOLERANCES * settings.yaw_tolerance
+            self._way_m - way_m > _TOLERANCES * settings.pose_tolerance
+            or self._turned_rad - turned_rad > _TOLERANCES * settings.yaw_tolerance
         )
 
     def check(self) -> Check:
@@ -200,16 +204,18 @@ class PoseMonitor:
             return Fault.JUMP
         return None if self._agree(self._window[0], pose, odometry) else Fault.INCONSISTENT
 
-    def _agree(self, start: tuple[float, Pose, Pose], pose: Pose, odometry: Pose) -> bool:
-        settings = self._settings
+    def _agree(
+        self, start: tuple[float, Pose, Pose, float, float], pose: Pose, odometry: Pose
+    ) -> bool:
+        settings, (way_m, turned_rad) = self._settings, start[3:]
         x_m, y_m, turn = motion_between(start[1], pose)
         wheels_x_m, wheels_y_m, wheels_turn = motion_between(start[2], odometry)
-        moved_m = math.hypot(wheels_x_m, wheels_y_m)
         error_m = math.hypot(x_m - wheels_x_m, y_m - wheels_y_m)
         error_rad = abs(math.remainder(turn - wheels_turn, math.tau))
-        return (
-            error_m <= settings.pose_tolerance + settings.drift_ratio * moved_m
-            and error_rad <= settings.yaw_tolerance + settings.drift_ratio * abs(wheels_turn)
+        return error_m <= settings.pose_tolerance + settings.drift_ratio * (
+            self._way_m - way_m
+        ) and error_rad <= settings.yaw_tolerance + settings.drift_ratio * (
+            self._turned_rad - turned_rad
         )
 
 

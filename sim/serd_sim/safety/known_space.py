@@ -141,7 +141,8 @@ class KnownSpace:
         at_once = gone & ~ends.was_gone
         lost = self._lost_rays(scan, free, ray[at_once], away_m[at_once], odometry)
         if self._walls_m is not None and in_map is not None and free.any():
-            lost |= self._rays_at_walls(scan, free, compose(in_map, mount))
+            at_walls = self._rays_at_walls(interpreted, compose(in_map, mount))
+            lost |= np.repeat(at_walls, len(free) // len(at_walls))
         blind = unknown | lost
         age_s = scan.stamp_s - ends.stamp_s
         held = gone & ~blind[ray] & (age_s <= _HELD_S)
@@ -218,9 +219,10 @@ class KnownSpace:
         ray = geometry.rays_towards(scan.angles_rad, len(lost))
         return (ray >= 0) & lost[ray]
 
-    def _rays_at_walls(self, scan: Scan, free: BoolArray, lidar: Pose) -> BoolArray:
+    def _rays_at_walls(self, scan: Scan, lidar: Pose) -> BoolArray:
         """(n_rays,) rays in sectors that are free although the map has a wall in reach."""
         assert self._walls_m is not None
+        free = np.isposinf(scan.ranges_m)
         ray = free.nonzero()[0]
         angle = scan.angles_rad[ray] + lidar[2]
         start_m, along_m = self._walls_m[:, 0] - lidar[:2], np.diff(self._walls_m, axis=1)[:, 0]

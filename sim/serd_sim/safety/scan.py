@@ -41,10 +41,10 @@ class ScanGeometry:
 
     @property
     def is_usable(self) -> bool:
-        """Whether all values are numbers, rays differ in direction, and there is a range."""
+        """Whether all values are numbers, rays differ by a turn at most, and there is a range."""
         has_range = 0.0 <= self.range_min_m < self.range_max_m
         is_finite = all(map(math.isfinite, vars(self).values()))
-        return is_finite and has_range and self.angle_increment_rad != 0.0
+        return is_finite and has_range and 0.0 < abs(self.angle_increment_rad) <= math.tau
 
     def angles_rad(self, n_rays: int) -> FloatArray:
         """(n_rays,) directions of the rays in the lidar's frame."""
@@ -122,7 +122,7 @@ class Scan:
     def dense(self, apart_rad: float) -> "Scan":
         """The same scan with rays no farther apart: each fills the gaps half-way to the next ones.
 
-        Its range there is that of the nearest flat wall which it may have met.
+        Its range there is that of a flat wall that it met and that faces the edge of the gap.
 
         >>> ranges = np.array([1.0, 2.0], dtype=np.float32)
         >>> dense = Scan(0.0, ranges, ScanGeometry(0.0, 1.0, 0.1, 5.0)).dense(0.6)

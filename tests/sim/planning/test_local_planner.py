@@ -263,6 +263,16 @@ def test_each_recovery_begins_beyond_the_allowance_and_ends_once_it_is_done(shar
     }
 
 
+def test_noise_of_the_pose_is_no_recovery_that_was_done():
+    planner, rng = RecoveringPlanner(PushingPlanner(), HALLWAY), np.random.default_rng(0)
+    backs_s = []
+    for time_s in 0.05 * np.arange(400):
+        x_m, yaw_rad = 0.01 * rng.standard_normal(2)
+        if planner.step(standing_at(time_s, 3.0 + x_m, yaw_rad=yaw_rad), AHEAD) == BACK:
+            backs_s.append(time_s)
+    assert backs_s[-1] - backs_s[0] > 5.0
+
+
 @pytest.mark.parametrize("yaw_rad", [0.7, -2.0])
 def test_the_space_behind_the_robot_is_a_disc_of_its_size(yaw_rad):
     """Its middle is 0.35 m behind the robot; the person must be 0.25 m + 0.25 m away from it."""

@@ -184,6 +184,38 @@ def test_a_pose_that_does_not_move_stands_a_robot_of_any_speed_within_its_tolera
     assert (drive.output.reasons, drive.speed_mps) == ((), speed_mps)
 
 
+@pytest.mark.parametrize("reach_m", [0.1, 0.14])
+def test_a_drift_that_is_allowed_stands_no_robot_that_drives_to_and_fro(reach_m):
+    """Wheels that read 8 % too much ahead, and right back: the error grows with the way."""
+    drive, read_m, last_m = Drive(), 0.0, 0.0
+
+    def drifting(stamp_s, pose, speeds):
+        nonlocal read_m, last_m
+        step_m, last_m = pose[0] - last_m, pose[0]
+        read_m += step_m * (1.08 if step_m > 0 else 1.0)
+        return stamp_s, (read_m, 0.0, 0.0), speeds
+
+    drive.faults["odometry"] = drifting
+    for tick in range(1200):
+        drive.command = Command(0.3 if tick // round(reach_m / 0.3 / PERIOD_S) % 2 else -0.3, 0.0)
+        drive.tick()
+        assert Fault.INCONSISTENT not in {fault for _, fault in drive.reasons()}
+
+
+@pytest.mark.parametrize(
+    ("increment_rad", "n_rays"), [(1e30, 1), (1e9, 3), (7.0, 2), (0.1, 1000), (6.0, 5)]
+)
+def test_a_scan_whose_rays_are_no_scan_is_rejected(increment_rad, n_rays):
+    drive = Drive()
+    ranges_m = np.full(n_rays, 3.0, dtype=np.float32)
+    geometry = ScanGeometry(0.0, increment_rad, 0.1, 10.0)
+    drive.faults["scan"] = lambda stamp_s, _: drive.guard.receive_scan(
+        Scan(stamp_s, ranges_m, geometry)
+    )
+    assert drive.run(0.5).command == STOP
+    assert (SCAN, Fault.MISSING) in drive.reasons()
+
+
 def test_a_robot_stands_where_inputs_have_not_come_or_have_old_stamps():
     for name in SOURCES:
         drive = Drive(**{name: never})

@@ -46,6 +46,14 @@ def test_a_robot_whose_lidar_has_few_rays_creeps_and_stands_before_the_wall(n_ra
     assert corridor.speeds[0] == pytest.approx(0.0, abs=0.02)
 
 
+@pytest.mark.parametrize("n_rays", [4, 12, 31])
+def test_a_robot_whose_lidar_has_few_rays_creeps_with_a_map_too(n_rays):
+    corners = np.array([[-3.0, -1.5], [30.0, -1.5], [30.0, 1.5], [-3.0, 1.5]])
+    walls_m = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+    corridor = Corridor(n_rays=n_rays, wall_m=30.0, walls_m=walls_m).run(10.0)
+    assert corridor.pose[0] == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize("value", [-np.inf, 0.05])
 def test_a_return_that_is_too_near_is_an_obstacle_at_range_min(value):
     corridor = Corridor().sector(value, 40.0).run(8.0)

@@ -7,7 +7,8 @@ times t, whose mean over all people is m:
 
 After n times v has the law Gamma(a + n k, a - 1 + k sum x); a and k have the highest marginal
 likelihood of the people learned from. Learners get dwell times multiplied by a draw of v for each
-of these people, and a distribution F(t) of what they learned becomes the mean of F(v t).
+of these people, and a distribution F(t) of what they learned becomes the mean of F(v t). Waits keep
+their length where they are learned, which is exact where nobody waits.
 """
 
 from dataclasses import dataclass, replace
