@@ -105,12 +105,11 @@ def model_of(shown: Demonstrated, features: tuple[str, ...], *, counted: bool) -
     """What `serd learn` writes; counted: of rewards under counted dynamics with the same prior."""
     task = task_with(shown, features)
     found = learn(task, shown.decisions, LearningSettings(discount=shown.discount))
-    if not counted:
+    terms = terms_of(found.fit.assumed.prior)
+    priors = [term for term in terms if isinstance(term, DirichletPrior)]
+    if not counted or not priors:  # SERD itself counts where choices contradict the moves
         return found.model
-    (prior,) = (
-        term for term in terms_of(found.fit.assumed.prior) if isinstance(term, DirichletPrior)
-    )
-    fit = fit_counted(task, shown.decisions, prior)
+    fit = fit_counted(task, shown.decisions, priors[0])
     dynamics, _ = dynamics_of(task.problem, shown.decisions, fit, None)
     return model_of_fit(
         fit,

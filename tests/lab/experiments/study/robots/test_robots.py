@@ -1,12 +1,16 @@
 """Four robots: what each chooses, and the tables of their drives."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from lab.experiments.study.robots import robots
 from lab.experiments.study.robots.robots import Demonstrated, fit_counted, shortest_way, task_with
 from lab.experiments.study.robots.settings import TASKS, RobotsStudy, robots_settings
 from lab.experiments.study.robots.tables import forecasts, paired, summary_of
+from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Action
@@ -60,6 +64,16 @@ def test_counted_dynamics_have_the_prior_that_they_are_given(study):
     np.testing.assert_allclose(table[AGAINST_FLOW], against / against.sum(), rtol=1e-6)
     plain = estimate_dynamics(task.problem, decisions, 0.5)
     assert fit.parameters.truth[model.means] == pytest.approx(plain[model.means])
+
+
+def test_where_serd_itself_counts_the_robot_of_counts_is_the_same(study, monkeypatch):
+    """Its fit has no prior on outcomes then."""
+    fit = SimpleNamespace(assumed=SimpleNamespace(prior=PriorByEvidence()))
+    learned = SimpleNamespace(fit=fit, model="counted by SERD")
+    monkeypatch.setattr(robots, "learn", lambda *_: learned)
+    shown = Demonstrated(study.scenarios["ring"], None, 0.99)
+    for counted in (False, True):
+        assert robots.model_of(shown, ("goal",), counted=counted) == "counted by SERD"
 
 
 def test_tables_compare_robots_on_the_same_seeds(study):
