@@ -20,16 +20,17 @@ from serd_bag.writer import BagWriter, new_folder
 
 _EPISODE = "episode"
 _CHECK_PERIOD_S = 1.0
+_LONGEST_FLUSH_S = 0.5
 #: Bytes that Python needs for each message beside its data.
 _OVERHEAD = 200
 
 
 @dataclass(frozen=True)
 class RecorderSettings:
-    """How a bag is recorded.
+    """How a bag is recorded; BagError where a value is out of its range.
 
     max_file_bytes: size at which the next file is started, None for one file; compression: of the
-    chunks; flush_period_s: what a killed process may lose; sync: wait for the disk
+    chunks; flush_period_s: what a killed process may lose, at most 0.5 s; sync: wait for the disk
     at each flush; min_free_bytes: recording ends while this much of the disk is still free.
     """
 
@@ -38,6 +39,17 @@ class RecorderSettings:
     flush_period_s: float = 0.25
     sync: bool = True
     min_free_bytes: int = 100_000_000
+
+    def __post_init__(self) -> None:
+        if not 0 < self.flush_period_s <= _LONGEST_FLUSH_S:
+            raise BagError(
+                f"flush_period_s must be above 0 and at most {_LONGEST_FLUSH_S}, got"
+                f" {self.flush_period_s}"
+            )
+        if self.max_file_bytes is not None and self.max_file_bytes <= 0:
+            raise BagError(f"max_file_bytes must be above 0 or None, got {self.max_file_bytes}")
+        if self.min_free_bytes < 0:
+            raise BagError(f"min_free_bytes must be at least 0, got {self.min_free_bytes}")
 
 
 @dataclass(frozen=True)

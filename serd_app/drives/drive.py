@@ -27,6 +27,7 @@ OUTCOMES = ("", "arrived", "timeout", "aborted", SAVED, DISCARDED)
 CUT_OFF, RETURN = "cut_off", "return"
 NOT_FINITE = "direction not finite"
 LONGEST_GAP_S = 0.5
+NO_PAUSES: FloatArray = np.zeros(0)
 #: In place of an action: no command is in force from then on.
 SILENCE = HIDDEN - 1
 _MOST_DIGITS = 9

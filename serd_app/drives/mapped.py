@@ -13,6 +13,7 @@ import numpy as np
 
 from serd_app.drives.actions import MappedActions, PoseTrack, posed_intents
 from serd_app.drives.drive import (
+    NO_PAUSES,
     EpisodeMark,
     EpisodeSpan,
     RecordedDrive,
@@ -102,14 +103,13 @@ class MappedMessages:
             log_s = message.log_time_ns / 1e9
             self.marks.extend((log_s, mark) for mark in marks_of(message.data))
 
-    def drive(self, paused_log_s: FloatArray | None = None) -> RecordedDrive:
+    def drive(self, paused_log_s: FloatArray = NO_PAUSES) -> RecordedDrive:
         """The drive of all messages so far; paused_log_s: (P,) when the recorder was paused."""
         mapping, track = self.mapping, self.poses.track(self.mapping)
         longest_gap_s = mapping.longest_gap_s or self.poses.usual_gap_s
         spans, cuts = self._spans(track, longest_gap_s)
-        if paused_log_s is not None:
-            pauses_s = track.placed(paused_log_s, np.zeros_like(paused_log_s))
-            spans = without_pauses(spans, track.time_s, pauses_s)
+        pauses_s = track.placed(paused_log_s, np.zeros_like(paused_log_s))
+        spans = without_pauses(spans, track.time_s, pauses_s)
         if self.actions is None:
             intents = posed_intents(mapping, track, spans)
         else:

@@ -15,6 +15,7 @@ from serd_app.drives.drive import (
     EPISODE,
     INTENT,
     LONGEST_GAP_S,
+    NO_PAUSES,
     NOT_FINITE,
     POSE,
     EpisodeMark,
@@ -33,8 +34,6 @@ from serd_bag.reader import BagReader
 from serd_bag.topic import RawMessage, topic_named
 from serd_core.arrays import FloatArray
 
-_NO_PAUSES = np.zeros(0)
-
 
 class Session:
     """One run of the clock; poses and intents: time (s), x and y of each, one after the other.
@@ -48,7 +47,7 @@ class Session:
         self.marks: list[EpisodeMark] = []
         self.newest_pose_ns = self.newest_end_ns = 0
 
-    def drive(self, pauses_s: FloatArray = _NO_PAUSES) -> RecordedDrive:
+    def drive(self, pauses_s: FloatArray = NO_PAUSES) -> RecordedDrive:
         """Everything so far; BagError where there are poses and none is finite."""
         rows = np.array(self.poses).reshape(-1, 3)
         finite = finite_poses(rows, self._source)

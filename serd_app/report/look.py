@@ -95,7 +95,8 @@ class Looked:
         if self.mapping_file is not None:
             return (f"serd demos {path} --mapping {shlex.quote(str(self.mapping_file))}",)
         if self.mapping is None:
-            return (f"serd demos {path}" + ("" if is_table(self.path) else " --cell-size-m 1"),)
+            cells = "" if is_table(self.path) else f" --cell-size-m {self.cell_size_m:g}"
+            return (f"serd demos {path}{cells}",)
         return (f"serd bag suggest {path}", f"serd demos {path} --mapping mapping.yaml")
 
 

@@ -11,8 +11,6 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from serd_bag.errors import FileError
 from serd_files.trajectories.columns import (
     PLACE_WORDS,
@@ -21,8 +19,8 @@ from serd_files.trajectories.columns import (
     column_named,
     columns_of,
     flow_style,
+    has_numbers,
     mapping_of,
-    numeric,
     role_of,
     rows_of,
     unit_of,
@@ -114,7 +112,11 @@ def in_rows(where: str, cells: Cells, wanted: TableColumns) -> tuple[Cells, Tabl
     Tables that have a row per agent already are returned as they are. FileError with the mappings
     to write where the columns of the robot are not certain.
     """
-    pairs = [pair for pair in pairs_of(cells.names) if _has_numbers(cells, pair)]
+    pairs = [
+        pair
+        for pair in pairs_of(cells.names)
+        if has_numbers(cells, pair.x) and has_numbers(cells, pair.y)
+    ]
     if wanted.robot_columns or wanted.people_columns:
         robot, people, rows = _stated(where, cells.names, wanted)
     elif wanted.x or wanted.y:
@@ -129,11 +131,6 @@ def in_rows(where: str, cells: Cells, wanted: TableColumns) -> tuple[Cells, Tabl
     used = {column for pair in chosen for column in (pair.x, pair.y)}
     long, mapping = _long(where, cells, wanted, robot, people, rows)
     return long, mapping, _unused(cells.names, pairs, used)
-
-
-def _has_numbers(cells: Cells, pair: Pair) -> bool:
-    values = (numeric(cells.frame.iloc[:, column]) for column in (pair.x, pair.y))
-    return all(bool(np.isfinite(each).any()) for each in values)
 
 
 def _named(names: Sequence[str], text: str) -> int:

@@ -211,7 +211,7 @@ def _require_one(where: str, cells: Cells, roles: Sequence[str]) -> None:
     names, several = cells.names, {}
     for role in roles:
         found = [column for column, name in enumerate(names) if role_of(name) == role]
-        found = [at for at in found if np.isfinite(numeric(cells.frame.iloc[:, at])).any()]
+        found = [at for at in found if has_numbers(cells, at)]
         if len(found) > 1:
             several[role] = found
     if not several:
@@ -240,6 +240,15 @@ def _degrees(cells: Cells) -> list[str]:
     return list(found.values()) if len(found) == len(_DEGREES) else []
 
 
+def _is_constant(column: "pd.Series[Any]") -> bool:
+    return len(column) > 1 and column.nunique() <= 1
+
+
+def has_numbers(cells: Cells, at: int) -> bool:
+    """Return whether a column has a number."""
+    return bool(np.isfinite(numeric(cells.frame.iloc[:, at])).any())
+
+
 def _repeats(cells: Cells, at: int) -> bool:
     """Whether a column has the same values again and again, as one of ids."""
     return bool(2 * cells.frame.iloc[:, at].nunique() <= len(cells.frame))
@@ -256,14 +265,16 @@ def _missing(where: str, cells: Cells, found: Mapping[str, int]) -> FileError:
         f"{where} must have columns of time, x and y, {' and '.join(lacking)}"
         f" {'is' if len(lacking) == 1 else 'are'} not among {', '.join(names)}"
     )
-    rest = {at: _WORD.findall(name.lower()) for at, name in enumerate(names)}
     if degrees := _degrees(cells):
         return FileError(
             f"{sentence}; {' and '.join(degrees)} are degrees, convert them to metres (UTM, or east"
             " and north of a point) in columns x and y"
         )
-    varied = cells.frame.apply(lambda column: len(column) < 2 or column.nunique() > 1)
-    words = {at: each for at, each in rest.items() if at not in found.values() and varied.iloc[at]}
+    words = {
+        at: _WORD.findall(name.lower())
+        for at, name in enumerate(names)
+        if at not in found.values() and not _is_constant(cells.frame.iloc[:, at])
+    }
     if len(words) < len(lacking):
         return FileError(f"{sentence}; export the table with them")
     if (
@@ -275,7 +286,10 @@ def _missing(where: str, cells: Cells, found: Mapping[str, int]) -> FileError:
         lacking = [*lacking[:-2], "agent", "x", "y"]
     chosen = {}
     for role in lacking:
-        chosen[role] = next((at for at, each in words.items() if role in each), next(iter(words)))
+        fitting = [at for at in words if role == "agent" or has_numbers(cells, at)]
+        if not fitting:
+            return FileError(f"{sentence}; export the table with them")
+        chosen[role] = next((at for at in fitting if role in words[at]), fitting[0])
         del words[chosen[role]]
     mapping = mapping_of(names, **chosen)
     return FileError(f"{sentence}; name the columns in a --mapping file, as {mapping}")

@@ -18,6 +18,7 @@ from serd_sim.crowd.social_force import model_named
 from serd_sim.planning.dwa import DwaPlanner
 from serd_sim.planning.settings import PlannerSettings
 from serd_sim.planning.sight import Sight
+from serd_sim.safety.motion import motion_between
 from serd_sim.scenario.occupancy import wall_distance_raster
 from serd_sim.scenario.scenario import Scenario
 from serd_sim.scenario.settings import RobotSettings
@@ -73,15 +74,11 @@ class Behaviour:
 
         Motion the other way counts as negative, so that noise of the pose cancels.
         """
-        linear_mps, angular_radps = self.command.linear_mps, self.command.angular_radps
-        if linear_mps:
-            east_m, north_m = now.x_m - before.x_m, now.y_m - before.y_m
-            yaw_rad = before.yaw_rad
-            ahead_m = east_m * math.cos(yaw_rad) + north_m * math.sin(yaw_rad)
-            return math.copysign(1.0, linear_mps) * ahead_m
-        if angular_radps:
-            turned_rad = math.remainder(now.yaw_rad - before.yaw_rad, math.tau)
-            return math.copysign(1.0, angular_radps) * turned_rad
+        ahead_m, _, turned_rad = motion_between(before.pose, now.pose)
+        if self.command.linear_mps:
+            return math.copysign(ahead_m, ahead_m * self.command.linear_mps)
+        if self.command.angular_radps:
+            return math.copysign(turned_rad, turned_rad * self.command.angular_radps)
         return now.time_s - before.time_s
 
     @property

@@ -36,8 +36,6 @@ _MOST_WAITING = 200
 _CLOCK_JUMP_S = 1.0
 #: The robot stands below these speeds.
 _STANDS_MPS, _STANDS_RADPS = 0.02, 0.05
-#: Rays over more than so many turns are no scan.
-_MOST_RAD = 2.0 * math.tau
 _PEOPLE_UNKNOWN = Fault.FROZEN, Fault.INVALID, Fault.UNSEEN
 
 
@@ -160,9 +158,7 @@ class Guard:
 
     def receive_scan(self, scan: Scan) -> None:
         """Take a scan."""
-        n_rays, geometry = len(scan.ranges_m), scan.geometry
-        valid = geometry.is_usable and 0 < n_rays * abs(geometry.angle_increment_rad) < _MOST_RAD
-        if self._accepts(Source.SCAN, scan.stamp_s, valid):
+        if self._accepts(Source.SCAN, scan.stamp_s, scan.is_usable):
             self._waiting_scans.append(scan)
 
     def receive_command(self, stamp_s: float, command: Command) -> None:

@@ -7,6 +7,7 @@ another pose that follows odometry. It does not end with time.
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
@@ -136,6 +137,16 @@ class FrozenMonitor:
         return math.hypot(x_m, y_m) + self._radius_m * abs(turn)
 
 
+class _Posed(NamedTuple):
+    """A pose, that by odometry, and way and turn by odometry until then, without a sign."""
+
+    stamp_s: float
+    pose: Pose
+    odometry: Pose
+    way_m: float = 0.0
+    turned_rad: float = 0.0
+
+
 class PoseMonitor:
     """Compares the motion of the pose with that of odometry.
 
@@ -146,9 +157,7 @@ class PoseMonitor:
     def __init__(self, settings: GuardSettings, track: PoseTrack) -> None:
         self._settings = settings
         self._frozen = FrozenMonitor(settings, track)
-        #: Stamp, pose, pose by odometry; way and turn by odometry until then, without a sign.
-        self._window: deque[tuple[float, Pose, Pose, float, float]] = deque()
-        self._way_m = self._turned_rad = 0.0
+        self._window: deque[_Posed] = deque()
         self._fault: Fault | None = None
         self._faulty_since_s, self._stands_s, self._look_s = 0.0, 0.0, _SECOND_LOOK_S
         #: Whether the newest pose is another place than speed can explain.
@@ -161,12 +170,12 @@ class PoseMonitor:
     def take(self, stamp_s: float, pose: Pose, odometry: Pose) -> None:
         """Take a pose, and the pose by odometry at its stamp."""
         self._frozen.take(stamp_s, np.array(pose).tobytes())
-        last = self._window[-1] if self._window else (stamp_s, pose, odometry)
-        self.has_leapt = _leaps(last[1], pose, stamp_s - last[0], self._settings)
-        x_m, y_m, turn = motion_between(last[2], odometry)
-        self._way_m += math.hypot(x_m, y_m)
-        self._turned_rad += abs(turn)
-        fault = self._contradiction(pose, odometry)
+        last = self._window[-1] if self._window else _Posed(stamp_s, pose, odometry)
+        self.has_leapt = _leaps(last.pose, pose, stamp_s - last.stamp_s, self._settings)
+        x_m, y_m, turn = motion_between(last.odometry, odometry)
+        way_m, turned_rad = last.way_m + math.hypot(x_m, y_m), last.turned_rad + abs(turn)
+        now = _Posed(stamp_s, pose, odometry, way_m, turned_rad)
+        fault = self._contradiction(now)
         if fault is not None:
             self._window.clear()
             if fault is Fault.JUMP:
@@ -177,45 +186,44 @@ class PoseMonitor:
             self._fault, self._faulty_since_s = fault, stamp_s
         elif stamp_s - self._faulty_since_s >= self._stands_s - _EARLY_S:
             self._fault = None
-        self._window.append((stamp_s, pose, odometry, self._way_m, self._turned_rad))
+        self._window.append(now)
         if self._has_moved():
             self._look_s = _SECOND_LOOK_S
-        while self._window[0][0] < stamp_s - _SLOW_WINDOW_S or (
-            self._window[0][0] < stamp_s - _WINDOW_S and self._has_moved()
+        while self._window[0].stamp_s < stamp_s - _SLOW_WINDOW_S or (
+            self._window[0].stamp_s < stamp_s - _WINDOW_S and self._has_moved()
         ):
             self._window.popleft()
 
     def _has_moved(self) -> bool:
         """Whether the robot has moved, within the window, by more than what is tolerated."""
-        settings, (way_m, turned_rad) = self._settings, self._window[0][3:]
+        first, now, settings = self._window[0], self._window[-1], self._settings
         return (
-            self._way_m - way_m > _TOLERANCES * settings.pose_tolerance
-            or self._turned_rad - turned_rad > _TOLERANCES * settings.yaw_tolerance
+            now.way_m - first.way_m > _TOLERANCES * settings.pose_tolerance
+            or now.turned_rad - first.turned_rad > _TOLERANCES * settings.yaw_tolerance
         )
 
     def check(self) -> Check:
         """What the pose allows; a contradiction lasts until the pose was consistent for a while."""
         return _stand_at(Fault.FROZEN if self._frozen.is_frozen() else self._fault)
 
-    def _contradiction(self, pose: Pose, odometry: Pose) -> Fault | None:
+    def _contradiction(self, now: _Posed) -> Fault | None:
         if not self._window:
             return None
-        if not self._agree(self._window[-1], pose, odometry):
+        if not self._agree(self._window[-1], now):
             return Fault.JUMP
-        return None if self._agree(self._window[0], pose, odometry) else Fault.INCONSISTENT
+        return None if self._agree(self._window[0], now) else Fault.INCONSISTENT
 
-    def _agree(
-        self, start: tuple[float, Pose, Pose, float, float], pose: Pose, odometry: Pose
-    ) -> bool:
-        settings, (way_m, turned_rad) = self._settings, start[3:]
-        x_m, y_m, turn = motion_between(start[1], pose)
-        wheels_x_m, wheels_y_m, wheels_turn = motion_between(start[2], odometry)
+    def _agree(self, start: _Posed, now: _Posed) -> bool:
+        settings = self._settings
+        x_m, y_m, turn = motion_between(start.pose, now.pose)
+        wheels_x_m, wheels_y_m, wheels_turn = motion_between(start.odometry, now.odometry)
         error_m = math.hypot(x_m - wheels_x_m, y_m - wheels_y_m)
         error_rad = abs(math.remainder(turn - wheels_turn, math.tau))
-        return error_m <= settings.pose_tolerance + settings.drift_ratio * (
-            self._way_m - way_m
-        ) and error_rad <= settings.yaw_tolerance + settings.drift_ratio * (
-            self._turned_rad - turned_rad
+        drift_m = settings.drift_ratio * (now.way_m - start.way_m)
+        drift_rad = settings.drift_ratio * (now.turned_rad - start.turned_rad)
+        return (
+            error_m <= settings.pose_tolerance + drift_m
+            and error_rad <= settings.yaw_tolerance + drift_rad
         )
 
 

@@ -81,6 +81,12 @@ class Scan:
     mount: Pose | None = None
 
     @property
+    def is_usable(self) -> bool:
+        """Whether there are rays, by a usable geometry, over less than two turns."""
+        turn_rad = len(self.ranges_m) * abs(self.geometry.angle_increment_rad)
+        return self.geometry.is_usable and 0.0 < turn_rad < 2.0 * math.tau
+
+    @property
     def valid(self) -> BoolArray:
         """(n_rays,) which rays have a range; lidars whose range_min is 0 send 0 for none."""
         geometry, ranges_m = self.geometry, self.ranges_m

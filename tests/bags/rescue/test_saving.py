@@ -151,6 +151,7 @@ def test_the_certificate_accounts_for_every_byte_and_bounds_every_topic(tmp_path
     assert (spans[0]["start"], spans[-1]["end"]) == (0, len(content))
     assert all(one["end"] == other["start"] for one, other in pairwise(spans))
     damaged = [span for span in spans if span["state"] != "read"]
+    assert damaged
     assert all(span["reason"] for span in damaged)
     assert damaged[0]["start"] < 24_000 <= damaged[-1]["end"]
     n_lost = 200 - values["n_messages"]

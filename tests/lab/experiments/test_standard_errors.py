@@ -2,7 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lab.experiments.standard_errors import ERRORS, summary_of
+from lab.bench.worlds import confounded_world
+from lab.experiments.standard_errors import ERRORS, experts, summary_of
 
 
 def test_errors_are_compared_with_the_spread_of_estimates_and_intervals_with_their_mean():
@@ -20,3 +21,12 @@ def test_errors_are_compared_with_the_spread_of_estimates_and_intervals_with_the
     for name, share, held in zip(ERRORS, (1.0, 0.5, 2.0), (0.9, 0.589, 0.999), strict=True):
         assert found[f"{name} / sd"] == pytest.approx(share, rel=0.03)
         assert found[f"{name}: held"] == pytest.approx(held, abs=0.015)
+
+
+def test_experts_other_than_the_first_are_not_soft_experts_of_the_world():
+    world = confounded_world(np.random.default_rng(0))
+    assumed, *others = experts(world).values()
+    np.testing.assert_allclose(assumed, world.policy(world.problem))
+    for policy in others:
+        np.testing.assert_allclose(policy.sum(axis=1), 1.0)
+        assert np.abs(policy - assumed).max() > 0.05

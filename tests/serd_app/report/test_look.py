@@ -140,7 +140,10 @@ def test_a_table_of_people_and_a_bag_without_poses_have_a_page(tmp_path):
     rows = [f"{a},{n / 10},{0.12 * n},{a}" for a in range(4) for n in range(60)]
     table.write_text("\n".join(["id,t,x,y", *rows]))
     found = look(table)
-    assert found.enough.startswith("4 drives of 7 m each without actions: only where it went")
+    assert len(found.drives) == 4
+    assert (
+        found.enough == "4 drives of 7 m each without actions: only where it went can be learned."
+    )
     assert "4 agents" in look_page(found)
     empty = tmp_path / "empty"
     with Writer(empty, version=9) as bag:

@@ -185,6 +185,7 @@ def test_what_is_not_stated_is_asked_for_with_a_mapping_that_is_read(tmp_path, t
         ("t,lat,Longitude\n0,1,2\n1,3,4\n", {}, "lat and Longitude are degrees, convert them"),
         ("t,x,y\n0,1,1\n1,1,1\n", {}, "agents must move, but no place changes; name the columns"),
         ("t,east,north,lat_velocity\n0,1,2,3\n1,3,4,5\n", {}, "as {x: east, y: north}"),
+        ("t,name,door\n0,a,c\n1,b,d\n", {}, "are not among t, name, door; export the table with"),
         ("t,lat,lon\n0,100,200\n1,120,220\n", {}, "as {x: lat, y: lon}"),
         ("id,t,x,y\n1,0,1,1\n2,0,1,1\n", {}, "must hold agents with two places at least"),
         ("a\0b", {}, "must be a table of text, it is none"),

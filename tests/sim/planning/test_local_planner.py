@@ -306,7 +306,8 @@ def test_a_robot_backs_off_until_a_person_comes_behind_it_and_then_has_a_new_all
         for t in quarters(90)
     }
     assert [t for t, command in commands.items() if command == BACK] == [10.25, 10.5, 10.75]
-    assert next(t for t, command in commands.items() if command == TURN) == 21.25
+    turns_s = [t for t, command in commands.items() if command == TURN]
+    assert turns_s == [21.25, 21.5, 21.75, 22.0, 22.25]
 
 
 def test_patience_is_exceeded_after_the_tolerance_of_one_blockage_and_not_of_two():

@@ -30,6 +30,12 @@ def test_a_prediction_that_is_two_steps_late_is_four_seconds_off(row_of):
     assert row["ks_p_value"] < 0.01
 
 
+def test_errors_that_cancel_out_are_seen_by_the_score_alone(row_of):
+    row = row_of(tables([step_at(8), step_at(12)], [step_at(12), step_at(8)]))
+    assert row["ks"] == 0.0
+    assert row["crps_s"] == 4 * LONG_S
+
+
 def test_wasserstein_up_to_the_limit_is_the_difference_of_means_where_all_is_late(row_of):
     measured = np.sort(np.random.default_rng(2).random((3, 21)))
     measured[:, -1] = 0.8

@@ -56,6 +56,7 @@ def test_the_study_runs_from_a_file_to_tables_and_resumes(tmp_path):
         assert summary.loc[method, "coverage_90"] >= 0.9
         assert summary.loc[method, "crps_s"] < 0.8
     # In a free corridor people keep their pace, which is what constant velocity assumes.
+    assert summary["crps_s"].idxmin() == CONSTANT_VELOCITY
     assert summary.loc[COUNT, "crps_s"] < 1.5 * summary.loc[CONSTANT_VELOCITY, "crps_s"]
     assert np.isnan(summary.loc[CONSTANT_VELOCITY, "log_likelihood"])
     people = tables["recordings"]["people"].sum()

@@ -8,13 +8,13 @@ import pytest
 
 from lab.experiments.study.robots import robots
 from lab.experiments.study.robots.robots import Demonstrated, fit_counted, shortest_way, task_with
-from lab.experiments.study.robots.settings import TASKS, RobotsStudy, robots_settings
+from lab.experiments.study.robots.settings import TASKS, YAML, RobotsStudy, robots_settings
 from lab.experiments.study.robots.tables import forecasts, paired, summary_of
 from serd_core.bayes.strengths import PriorByEvidence
 from serd_core.demonstrations.decisions import TimedDecisions
 from serd_core.dynamics.estimation import estimate_dynamics
 from serd_core.grid.grid import Action
-from serd_core.grid.navigation import AGAINST_FLOW, WITH_FLOW
+from serd_core.grid.navigation import AGAINST_FLOW, MODEL_NAMES, WITH_FLOW
 from serd_core.priors.divergence import DirichletPrior
 from serd_core.semi_markov.models import require_timed
 from serd_sim.scenario.grid import start_states_of
@@ -94,6 +94,13 @@ def test_tables_compare_robots_on_the_same_seeds(study):
     np.testing.assert_allclose(compared["ratio"], 16.5 / 11.5)
     held = forecasts(drives, learned)
     assert held["within"].tolist() == [0.75, 0.75]
+
+
+def test_the_demo_drives_eight_paired_seeds_in_one_place():
+    settings = robots_settings(config=YAML.with_stem("robots_study_demo"))
+    assert {name for name, _ in settings.parts} == {"ring"}
+    assert len(settings.parts) * settings.places["ring"].drives == 8
+    assert len(MODEL_NAMES) == 4
 
 
 def task_grid(scenario):
